@@ -10,6 +10,7 @@
 #include "model/functions.h"
 #include "model/tendons.h"
 #include "plan/layout.h"
+#include "plan/limits.h"
 
 namespace lockstep {
 namespace {
@@ -208,6 +209,9 @@ Plan compile(const Model& model, const StepSettings& settings) {
     program = compiled(model, settings, Integrator::euler);
     program->integrator_reason = reason;
   }
+  const Tables<double>& t = program->f64;
+  if (const long bounds = t.bounds.rows.count; !t.rounds.used())
+    require_room(*program, bounds * bounds, the_response_matrix);
   take_halves(*program, program->integrator == Integrator::extrapolated ? 1 : program->f64.guarded ? guard_depth : 0);
   return Plan(std::move(program));
 }

@@ -93,16 +93,29 @@ void choose_method(Program& program);
 
 // ---------------------------------------------------------------- matrix
 
-/// A square symmetric pattern; only [i][j] with j <= i is read.
-using Pattern = std::vector<std::vector<char>>;
+/// Which entries of a symmetric matrix are not 0, as far as its elimination tree depends on it: the tree asks only
+/// which rows are connected through rows from some number on (matrix/columns.cpp).
+class Pattern {
+ public:
+  explicit Pattern(int n) : later_(static_cast<std::size_t>(n)) {}
+  void join(int a, int b);
+  /// All entries between these rows, which are sorted. A path along them connects as much.
+  void join_all(std::vector<int>& rows);
+  int size() const { return static_cast<int>(later_.size()); }
+  const std::vector<int>& later(int row) const { return later_[static_cast<std::size_t>(row)]; }
+
+ private:
+  std::vector<std::vector<int>> later_;  // by row: rows after it
+};
 
 /// The elimination from last to first, with its fill-in, renumbered depth first (matrix/columns.cpp).
 struct Elimination {
   std::vector<int> order;   ///< by new number: the old number
   std::vector<int> parent;  ///< by new number
 };
-Elimination elimination_tree(Pattern pattern);
-/// Sizes and offsets from the parents in a depth-first numbering (matrix/columns.cpp).
+Elimination elimination_tree(const Pattern& pattern);
+/// Sizes and offsets from the parents in a depth-first numbering. Without `row` if there are more than most_entries,
+/// which only A may have, if no step computes it (matrix/columns.cpp).
 Columns make_columns(const std::vector<int>& parent, TableStorage& storage);
 /// By entry: its column (matrix/columns.cpp).
 std::vector<int> columns_of_entries(const Columns& columns);
@@ -164,8 +177,6 @@ void take_composite_columns(Program& program);
 /// Takes them for the trees with a true (matrix/composite_columns.cpp).
 void use_composite_columns(Program& program, const std::vector<bool>& trees);
 
-/// The paths over the articulated bodies of the trees with a true (matrix/articulated.cpp).
-Articulated articulated_bodies(const Tables<double>& t, const std::vector<bool>& trees, TableStorage& storage);
 /// Factors A by articulated bodies for the components where they apply and are less work (matrix/articulated.cpp).
 void take_articulated_bodies(Program& program);
 
@@ -200,9 +211,24 @@ struct RowForm {
   int tree = -1;                                        ///< of one of its joints
 };
 
-/// Adds a joint's velocity, times a term of a coupling, to the form. An eliminated joint is added by S (rows/rows.cpp).
-void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form);
-RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling);
+/// Makes such forms (rows/forms.cpp). The reduction is that of the program, or an empty one for rows over all
+/// velocities.
+class Forms {
+ public:
+  Forms(const Program& program, const Reduction<double>& reduction);
+  /// Adds a joint's velocity, times a term of a coupling, to the form. An eliminated joint is added by S.
+  void add_joint(int joint, int term, RowForm& form) const;
+  RowForm of_joint(int joint) const;
+  RowForm of_coupling(int coupling) const;
+  /// The solver velocity that this one is, -1 if it is none.
+  int solver_of(int velocity) const { return solver_[static_cast<std::size_t>(velocity)]; }
+
+ private:
+  const Program& program_;
+  Reduction<double> reduction_;
+  std::vector<int> solver_;    // by velocity
+  std::vector<int> measured_;  // by coupling: the follower whose constraint velocity it is; empty if there are none
+};
 
 /// (M27), (M28), (M36): rate and cfm, (22), (23), (26) to (29) of the note, for a step or for one of its sub-steps of
 /// length h (rows/rows.cpp).
@@ -236,8 +262,9 @@ struct BodyPlace {
   int body;  ///< -1: the world
   Eigen::Isometry3d pose;
 };
-/// Of a frame in a link; an empty name is the world (rows/moving.cpp).
+/// Of a frame in a link; an empty name, or link -1, is the world (rows/moving.cpp).
 BodyPlace place_of(const Program& program, const std::string& link, const Eigen::Isometry3d& pose);
+BodyPlace place_of(const Program& program, int link, const Eigen::Isometry3d& pose);
 void put_pose(const Eigen::Isometry3d& pose, double (&rotation)[9], double (&offset)[3]);
 
 /// Joints, as numbers of velocities, and velocities of floating roots that move two bodies against each other
@@ -246,7 +273,7 @@ std::vector<int> velocities_between(const Tables<double>& t, int first_body, int
 
 /// By solver velocity: what it turns or moves of two bodies against each other (rows/moving.cpp).
 using MovingColumns = std::map<int, std::vector<ColumnPart>>;
-MovingColumns columns_between(const Program& program, int first_body, int second_body);
+MovingColumns columns_between(const Program& program, const Forms& forms, int first_body, int second_body);
 
 /// Moves the model's start to the closest pose that closes its loops, and finds which rows are redundant. Throws
 /// ModelError for loops that do not close (rows/closing.cpp).

@@ -2,10 +2,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "model/joint_motion.h"
 #include "plan/layout.h"
+#include "plan/limits.h"
 
 namespace lockstep {
 namespace {
@@ -360,6 +362,8 @@ void lay_out_bodies(Program& program, const Trees& trees) {
   t.dof = program.storage.keep(std::move(joint_row));
   t.joint_velocity = program.storage.keep(std::move(joint_velocity));
   t.joint_body = program.storage.keep(std::move(joint_body));
+  if (const long entries = entries_of(parents); entries > std::numeric_limits<int>::max())
+    require_room(program, entries, the_mass_matrix);
   t.matrix = t.solver = make_columns(parents, program.storage);
   t.factored = program.storage.keep(std::vector<SupportRun>{{0, t.velocities}});
   copy(model.gravity, t.gravity);

@@ -9,6 +9,8 @@
 #include <set>
 
 #include "plan/layout.h"
+#include "plan/limits.h"
+#include "plan/parts.h"
 
 namespace lockstep {
 namespace {
@@ -30,10 +32,15 @@ struct Form {
   std::map<int, double> parts;  // by coupling
 };
 
+long size_of(const Form& form) { return static_cast<long>(form.shares.size() + form.parts.size()); }
+
 struct Choice {
   std::map<int, Form> forms;   // by follower
   std::vector<int> couplings;  // that are not redundant
 };
+
+// Which followers have a joint in their forms. Some of them may have had it once.
+using Users = std::vector<std::vector<int>>;  // by joint
 
 void add_times(std::map<int, Sum>& sums, const std::map<int, double>& numbers, double times) {
   for (const auto& [index, number] : numbers) sums[index].add(times * number);
@@ -46,10 +53,10 @@ std::map<int, double> left_of(const std::map<int, Sum>& sums) {
   return left;
 }
 
-// The form without the follower `known`.
-void substitute(Form& form, int known, const Form& by) {
+// Makes it the form without the follower `known`. Returns whether it had it.
+bool substitute(Form& form, int known, const Form& by) {
   const auto share = form.shares.find(known);
-  if (share == form.shares.end()) return;
+  if (share == form.shares.end()) return false;
   const double times = share->second;
   std::map<int, Sum> shares, parts;
   form.shares.erase(share);
@@ -59,13 +66,17 @@ void substitute(Form& form, int known, const Form& by) {
   add_times(parts, by.parts, times);
   form.shares = left_of(shares), form.parts = left_of(parts);
   form.offset += times * by.offset;
+  return true;
 }
 
 // Gauss-Jordan elimination of the rows of the couplings, in the model's order. Those of curved followers come first.
+// Forms have no parts unless they are wanted: those of a long chain of followers are many.
 template <class Takes>
-Choice choose(const Program& program, const Takes& takes) {
+Choice choose(const Program& program, bool wants_parts, const Takes& takes) {
   const Tables<double>& t = program.f64;
   Choice choice;
+  Users users(t.joints);
+  long entries = 0;
   std::vector<int> order(t.functions.placing.data, t.functions.placing.data + t.functions.placing.count);
   for (int c = 0; c < t.couplings; ++c)
     if (!is_curved(program, c)) order.push_back(c);
@@ -74,7 +85,7 @@ Choice choose(const Program& program, const Takes& takes) {
 
     // The row in independent joints: forms stand for the followers that are known.
     std::map<int, Sum> row, parts;
-    parts[c].add(1.0);
+    if (wants_parts) parts[c].add(1.0);
     double offset = t.offset[c];
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) {
       const int joint = t.term_joint[k];
@@ -107,7 +118,18 @@ Choice choose(const Program& program, const Takes& takes) {
       if (joint != pivot->first) form.shares.emplace(joint, -ratio / pivot->second);
     for (const auto& [coupling, part] : left_of(parts)) form.parts.emplace(coupling, part / pivot->second);
     form.offset = -offset / pivot->second;
-    for (auto& [joint, other] : choice.forms) substitute(other, pivot->first, form);
+    const auto use = [&](int follower) {
+      for (const auto& [joint, share] : form.shares) users[joint].push_back(follower);
+    };
+    for (const int user : users[pivot->first]) {
+      Form& other = choice.forms.at(user);
+      entries -= size_of(other);
+      if (substitute(other, pivot->first, form)) use(user);
+      entries += size_of(other);
+    }
+    use(pivot->first);
+    entries += size_of(form);
+    require_room(program, entries, the_elimination);
     choice.forms.emplace(pivot->first, std::move(form));
     choice.couplings.push_back(c);
   }
@@ -115,7 +137,8 @@ Choice choose(const Program& program, const Takes& takes) {
 }
 
 // The couplings in an order in which each places one follower from joints that stand already. Those that wait for each
-// other are left to be solved together.
+// other are left to be solved together. The couplings are gone through time and again; who places a follower lets
+// others place theirs, later in the same round or in the next one.
 Placing placing_of(const Program& program, const Choice& choice) {
   const Tables<double>& t = program.f64;
   Placing placing;
@@ -127,50 +150,82 @@ Placing placing_of(const Program& program, const Choice& choice) {
   const auto may_place = [&](int c, int term) {
     return is_curved(program, c) ? term == t.term_start[c] : !is_curved_joint[t.term_joint[term]];
   };
-  std::vector<int> remaining = choice.couplings;
-  for (bool found = true; found;) {
-    found = false;
-    std::vector<int> later;
-    for (const int c : remaining) {
-      int waiting = 0, term = -1;
-      for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
-        if (waits[t.term_joint[k]]) ++waiting, term = k;
-      if (waiting != 1 || !may_place(c, term)) {
-        later.push_back(c);
-        continue;
-      }
-      placing.turns.push_back({c, term});
-      waits[t.term_joint[term]] = 0;
-      found = true;
-    }
-    remaining = std::move(later);
+
+  // By coupling of the choice: how many of its joints wait. By joint: these couplings.
+  const auto count = choice.couplings.size();
+  std::vector<int> waiting(count, 0);
+  std::vector<std::vector<std::size_t>> with(t.joints);
+  for (std::size_t i = 0; i < count; ++i)
+    for (int k = t.term_start[choice.couplings[i]]; k < t.term_start[choice.couplings[i] + 1]; ++k)
+      if (waits[t.term_joint[k]]) ++waiting[i], with[t.term_joint[k]].push_back(i);
+
+  std::set<std::pair<int, std::size_t>> turns;  // that are due: round, coupling of the choice
+  for (std::size_t i = 0; i < count; ++i)
+    if (waiting[i] == 1) turns.insert({0, i});
+  std::vector<char> places(count, 0);
+  while (!turns.empty()) {
+    const std::pair<int, std::size_t> turn = *turns.begin();
+    turns.erase(turns.begin());
+    const int c = choice.couplings[turn.second];
+    int term = -1;
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
+      if (waits[t.term_joint[k]]) term = k;
+    if (term < 0 || !may_place(c, term)) continue;
+    placing.turns.push_back({c, term});
+    places[turn.second] = 1;
+    waits[t.term_joint[term]] = 0;
+    for (const std::size_t other : with[t.term_joint[term]])
+      if (--waiting[other] == 1) turns.insert({other > turn.second ? turn.first : turn.first + 1, other});
   }
-  placing.ring = std::move(remaining);
+  for (std::size_t i = 0; i < count; ++i)
+    if (!places[i]) placing.ring.push_back(choice.couplings[i]);
   for (int joint = 0; joint < t.joints; ++joint)
     if (waits[joint]) placing.ring_followers.push_back(joint);
   return placing;
 }
 
-// Joints that hard couplings leave one position, together with those that the same couplings lock.
-std::vector<LockedJoints> locked_by(const Program& program, const Choice& hard) {
+// By coupling, whether it holds some joint that cannot move, perhaps through others.
+std::vector<char> locking(const Program& program, const Choice& hard) {
   const Tables<double>& t = program.f64;
-  std::vector<std::pair<std::set<int>, std::set<int>>> groups;  // joints, couplings
-  for (const auto& [joint, form] : hard.forms) {
-    if (!form.shares.empty()) continue;
-    std::pair<std::set<int>, std::set<int>> group{{t.dof[joint]}, {}};
-    for (const auto& [coupling, part] : form.parts) group.second.insert(coupling);
-    for (auto other = groups.begin(); other != groups.end();) {
-      const bool shared = std::any_of(other->second.begin(), other->second.end(),
-                                      [&](int coupling) { return group.second.count(coupling) > 0; });
-      if (shared) group.first.merge(other->first), group.second.merge(other->second);
-      other = shared ? groups.erase(other) : other + 1;
-    }
-    groups.push_back(std::move(group));
+  Parts parts(t.joints);
+  const auto first_joint = [&](int c) { return t.term_joint[t.term_start[c]]; };
+  for (const int c : hard.couplings)
+    for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k) parts.join(first_joint(c), t.term_joint[k]);
+  std::vector<char> locks(t.joints, 0), locking(t.couplings, 0);
+  for (const auto& [joint, form] : hard.forms)
+    if (form.shares.empty()) locks[parts.of(joint)] = 1;
+  for (const int c : hard.couplings) locking[c] = locks[parts.of(first_joint(c))];
+  return locking;
+}
+
+// Joints that hard couplings leave one position, together with those that the same couplings lock.
+std::vector<LockedJoints> locked_by(const Program& program) {
+  const std::vector<char> locks =
+      locking(program, choose(program, false, [&](int c) { return always_hard(program, c); }));
+  const Choice hard = choose(program, true, [&](int c) { return locks[c] != 0; });
+  std::vector<std::pair<int, const Form*>> locked;
+  for (const auto& [joint, form] : hard.forms)
+    if (form.shares.empty()) locked.emplace_back(joint, &form);
+
+  // Those that share a coupling are a group. Groups are in the order of their last joints.
+  const auto count = static_cast<int>(locked.size());
+  Parts groups(count);
+  std::map<int, int> first_of;  // by coupling
+  for (int i = 0; i < count; ++i)
+    for (const auto& [coupling, part] : locked[i].second->parts)
+      groups.join(first_of.emplace(coupling, i).first->second, i);
+  std::vector<int> last(count);
+  for (int i = 0; i < count; ++i) last[groups.of(i)] = i;
+  std::map<int, std::pair<std::set<int>, std::set<int>>> sorted;  // by last joint: joints, couplings
+  for (int i = 0; i < count; ++i) {
+    auto& [joints, couplings] = sorted[last[groups.of(i)]];
+    joints.insert(program.f64.dof[locked[i].first]);
+    for (const auto& [coupling, part] : locked[i].second->parts) couplings.insert(coupling);
   }
-  std::vector<LockedJoints> locked;
-  for (const auto& [joints, couplings] : groups)
-    locked.push_back({{joints.begin(), joints.end()}, {couplings.begin(), couplings.end()}});
-  return locked;
+  std::vector<LockedJoints> result;
+  for (const auto& [place, group] : sorted)
+    result.push_back({{group.first.begin(), group.first.end()}, {group.second.begin(), group.second.end()}});
+  return result;
 }
 
 }  // namespace
@@ -185,10 +240,10 @@ void choose_followers(Program& program) {
   };
 
   // Followers of all couplings, of those that may be hard, and of those that always are.
-  const Choice all = choose(program, [](int) { return true; });
+  const Choice all = choose(program, false, [](int) { return true; });
   program.placing_all = placing_of(program, all);
-  program.placing_hard = placing_of(program, choose(program, may_be_hard));
-  program.locked = locked_by(program, choose(program, [&](int c) { return always_hard(program, c); }));
+  program.placing_hard = placing_of(program, choose(program, false, may_be_hard));
+  program.locked = locked_by(program);
 
   // What users see: followers in the order of placing, and what they follow.
   program.following.resize(t.joints);
@@ -226,8 +281,8 @@ bool leaves_out(const Program& program, const JointSet& bounds, const Joint& joi
   if (std::find(bounds.names.begin(), bounds.names.end(), joint.name) != bounds.names.end()) return true;
   if (!bounds.followers || joint.kind == JointKind::tendon) return false;
   const std::size_t index = static_cast<std::size_t>(&joint - program.model.joints.data());
-  const std::vector<int>& followers = program.follower_dofs;
-  return std::find(followers.begin(), followers.end(), program.dof_of_joint.at(index)) != followers.end();
+  const int dof = program.dof_of_joint.at(index);
+  return dof >= 0 && !std::binary_search(program.independent_dofs.begin(), program.independent_dofs.end(), dof);
 }
 
 }  // namespace lockstep

@@ -113,6 +113,7 @@ void lay_out_spatial_columns(Program& program) {
   std::vector<Segment<double>> segments(t.spatial.segments.data, t.spatial.segments.data + t.spatial.segments.count);
   std::vector<SegmentColumn> columns;
   std::vector<ColumnPart> parts;
+  const Forms forms(program, r);
   for (SpatialTendon& tendon : tendons) {
     tendon.follower = r.follower_of[tendon.joint];
     const int *const first = r.column.data + r.start[tendon.follower], *const last =
@@ -120,7 +121,7 @@ void lay_out_spatial_columns(Program& program) {
     for (int s = tendon.first; s < tendon.last; ++s) {
       Segment<double>& segment = segments[static_cast<std::size_t>(s)];
       segment.first_column = static_cast<int>(columns.size());
-      for (const auto& [z, list] : columns_between(program, segment.first_body, segment.second_body)) {
+      for (const auto& [z, list] : columns_between(program, forms, segment.first_body, segment.second_body)) {
         const int share = static_cast<int>(std::find(first, last, z) - r.column.data);
         const int part = static_cast<int>(parts.size());
         parts.insert(parts.end(), list.begin(), list.end());

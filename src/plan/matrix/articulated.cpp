@@ -1,9 +1,11 @@
 // Articulated bodies instead of A, (M22) to (M25): paths of vectors. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <vector>
 
 #include "plan/layout.h"
+#include "plan/limits.h"
 
 namespace lockstep {
 namespace {
@@ -12,7 +14,7 @@ class Paths {
  public:
   // Velocities are those of the solver.
   Paths(const Tables<double>& t, const std::vector<bool>& trees)
-      : t_(t), trees_(trees), velocity_(t.bodies, -1), body_(t.solver.n, -1) {
+      : t_(t), trees_(trees), velocity_(t.bodies, -1), body_(t.solver.n, -1), children_(t.bodies), arrived_(t.bodies) {
     std::vector<int> solver(t.velocities, -1);
     for (int z = 0; z < t.solver.n; ++z) solver[t.reduction.velocity_of(z)] = z;
     for (int b = 0; b < t.bodies; ++b) {
@@ -21,23 +23,28 @@ class Paths {
       velocity_[b] = solver[body.velocity];
       std::fill_n(body_.begin() + velocity_[b], body.root ? 6 : 1, b);
     }
+    for (int b = t.bodies - 1; b >= 0; --b)
+      if (t.body[b].parent >= 0) children_[t.body[b].parent].push_back(b);
   }
 
-  // The path of vectors side by side. `moved` names, by body, the vectors with an entry at its joint.
-  Path path(const std::vector<std::vector<int>>& moved) {
+  // By body, from the last to the first: the vectors with an entry at its joint.
+  using Moved = std::map<int, std::vector<int>, std::greater<>>;
+
+  // The path of vectors side by side.
+  Path path(const Moved& moved) {
     const int begin = static_cast<int>(visits_.size());
-    std::vector<std::map<int, int>> arrived(t_.bodies);  // by body: place by vector
     std::vector<int> free;
     int taken = 0;
-    for (int b = t_.bodies - 1; b >= 0; --b) {
-      if (moved[b].empty()) continue;
-
+    for (const auto& [b, vectors] : moved) {
       // Vectors arrive from the children. Where two branches bring one, their wrenches are added.
-      std::map<int, int>& known = arrived[b];
+      std::map<int, int>& known = arrived_[b];
       Visit visit{b, static_cast<int>(merges_.size()), 0, static_cast<int>(carried_.size()), 0, 0};
-      for (int child = t_.bodies - 1; child > b; --child) {
-        if (t_.body[child].parent != b) continue;
-        for (const auto& [vector, place] : arrived[child]) {
+      for (const int child : children_[b]) {
+        if (known.empty()) {
+          known.swap(arrived_[child]);
+          continue;
+        }
+        for (const auto& [vector, place] : arrived_[child]) {
           const auto [entry, is_new] = known.emplace(vector, place);
           if (is_new) continue;
           merges_.push_back({place, entry->second});
@@ -47,7 +54,7 @@ class Paths {
 
       // Vectors that begin here take a free place.
       std::map<int, int> starting;
-      for (const int vector : moved[b]) {
+      for (const int vector : vectors) {
         if (known.count(vector)) continue;
         starting[vector] = free.empty() ? taken++ : free.back();
         if (!free.empty()) free.pop_back();
@@ -63,31 +70,41 @@ class Paths {
       visit.last = carry(known);
       visits_.push_back(visit);
       known.insert(starting.begin(), starting.end());
-      if (t_.body[b].parent < 0)
-        for (const auto& [vector, place] : known) free.push_back(place);
+      if (t_.body[b].parent >= 0) continue;
+      for (const auto& [vector, place] : known) free.push_back(place);
     }
+    for (const auto& [b, vectors] : moved) arrived_[b].clear();
     places_ = std::max(places_, taken);
     return {begin, static_cast<int>(visits_.size())};
   }
 
   // The path of the rows `first` to `last` - 1.
   Path path(const Rows<double>& rows, int first, int last) {
-    std::vector<std::vector<int>> moved(t_.bodies);
+    Moved moved;
     for (int r = first; r < last; ++r)
       for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
-        for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z)
-          if (const int b = body_[z]; b >= 0 && (moved[b].empty() || moved[b].back() != r - first))
-            moved[b].push_back(r - first);
+        for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z) {
+          if (body_[z] < 0) continue;
+          std::vector<int>& vectors = moved[body_[z]];
+          if (vectors.empty() || vectors.back() != r - first) vectors.push_back(r - first);
+        }
     return path(moved);
   }
 
-  Articulated articulated(TableStorage& storage) {
+  // Those by which the work of a step is judged: of all bodies, and of the rows.
+  Articulated main_paths(TableStorage& storage) {
     Articulated a;
-    std::vector<std::vector<int>> all(t_.bodies);
+    Moved all;
     for (int b = 0; b < t_.bodies; ++b)
       if (trees_[t_.body[b].tree]) all[b] = {0};
     a.all = path(all);
     a.rows = path(t_.rows, 0, t_.rows.count);
+    a.visits = storage.keep(visits_);
+    return a;
+  }
+
+  Articulated articulated(TableStorage& storage) {
+    Articulated a = main_paths(storage);
     std::vector<Path> bounds;
     for (int r = 0; r < t_.bounds.rows.count; ++r) bounds.push_back(path(t_.bounds.rows, r, r + 1));
     a.places = places_;
@@ -109,13 +126,11 @@ class Paths {
   std::vector<Visit> visits_;
   std::vector<Carried> carried_;
   std::vector<Merge> merges_;
+  std::vector<std::vector<int>> children_;   // by body, from the last to the first
+  std::vector<std::map<int, int>> arrived_;  // by body whose parent is still to be visited: place by vector
 };
 
 }  // namespace
-
-Articulated articulated_bodies(const Tables<double>& t, const std::vector<bool>& trees, TableStorage& storage) {
-  return Paths(t, trees).articulated(storage);
-}
 
 namespace {
 
@@ -178,7 +193,7 @@ void take_articulated_bodies(Program& program) {
   const std::vector<int> component = components(t);
   std::vector<bool> trees = can_articulate(program, component);
   const std::vector<long> by_matrix = work_by_matrix(t, component);
-  const std::vector<long> by_bodies = work_by_bodies(t, articulated_bodies(t, trees, program.storage), component);
+  const std::vector<long> by_bodies = work_by_bodies(t, Paths(t, trees).main_paths(program.storage), component);
   for (int i = 0; i < t.tree.count; ++i) trees[i] = trees[i] && by_bodies[component[i]] < by_matrix[component[i]];
   set_inertia(program, trees, InertiaKind::articulated_bodies);
 }
@@ -216,6 +231,7 @@ void lay_out_factoring(Program& program) {
   t.makes_matrix = std::any_of(places.begin(), places.end(), [](const TreeStructure& place) {
     return place.inertia == InertiaKind::matrix || place.has_undamped_rows;
   });
+  if (t.makes_matrix) require_room(program, t.matrix.entries, the_mass_matrix);
   t.tree = program.storage.keep(std::move(places));
 
   // Groups of rows whose responses go along paths.
@@ -225,7 +241,7 @@ void lay_out_factoring(Program& program) {
                         InertiaKind::articulated_bodies;
   t.rows.groups = program.storage.keep(std::move(groups));
   if (std::find(trees.begin(), trees.end(), true) != trees.end())
-    t.articulated = articulated_bodies(t, trees, program.storage);
+    t.articulated = Paths(t, trees).articulated(program.storage);
 }
 
 }  // namespace lockstep

@@ -1,8 +1,8 @@
 // S of v = S z: all velocities in terms of the solver's, (M39), (M77). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <unordered_map>
 
 #include "plan/layout.h"
+#include "plan/limits.h"
 
 namespace lockstep {
 namespace {
@@ -28,14 +28,15 @@ std::vector<int> initial_order(const Tables<double>& t, const std::vector<Follow
   return order;
 }
 
-// The pattern of H = S^T A S. `parts` names, by velocity, the solver velocities that it depends on.
-Pattern pattern_of(const Tables<double>& t, const std::vector<std::vector<int>>& parts, int n) {
-  Pattern pattern(n, std::vector<char>(n, 0));
-  for (int i = 0; i < t.velocities; ++i)
-    for (int j = 0; j <= i; ++j)
-      if (entry_of(t.matrix, i, j) >= 0)
-        for (int a : parts[i])
-          for (int b : parts[j]) pattern[std::max(a, b)][std::min(a, b)] = 1;
+// The pattern of H = S^T A S. `parts` names, by velocity, the solver velocities that it depends on: all of them are
+// joined, and with those of the velocities of which A has entries.
+Pattern pattern_of(const Tables<double>& t, std::vector<std::vector<int>> parts, int n) {
+  Pattern pattern(n);
+  for (int i = 0; i < t.velocities; ++i) {
+    pattern.join_all(parts[i]);
+    for (int j = t.matrix.parent[i]; j >= 0 && !parts[i].empty(); j = t.matrix.parent[j])
+      if (!parts[j].empty()) pattern.join(parts[i].back(), parts[j].back());
+  }
   return pattern;
 }
 
@@ -48,26 +49,48 @@ void lay_out_products(Program& program, const std::vector<std::vector<Share>>& s
     int left, right;
   };
 
-  // By entry of A_r: its products. Unless ratios differ, those with the same entry of A are one product.
+  // By entry of A_r: its products. Unless ratios differ, those with the same entry of A are one product: each entry is
+  // met twice, from either side of the diagonal.
+  struct Known {
+    int entry;
+    std::size_t place;  // of its product
+  };
   std::vector<std::vector<Product>> products(t.solver.entries);
-  std::unordered_map<long, std::size_t> known;  // by entry of A_r and entry of A: the place of their product
+  std::vector<Known> known;
+  std::vector<std::pair<std::size_t, std::size_t>> known_of(t.matrix.entries);  // by entry of A, when it is met again
   const bool merges = !shares_differ(program);
-  for (int i = 0; i < t.velocities; ++i)
-    for (int j = 0; j < t.velocities; ++j) {
-      const int source = entry_of(t.matrix, i, j);
-      if (source < 0) continue;
-      for (const Share& a : shares[i])
-        for (const Share& b : shares[j]) {
-          if (a.column < b.column) continue;
-          const int entry = entry_of(t.solver, a.column, b.column);
-          std::vector<Product>& sum = products[entry];
-          const auto [place, is_new] = known.emplace(static_cast<long>(entry) * t.matrix.entries + source, sum.size());
-          if (!is_new && merges)
-            sum[place->second].value += a.value * b.value;
-          else
-            sum.push_back({source, a.value * b.value, a.index, b.index});
+  const auto comes_before = [](const Known& one, const Known& other) { return one.entry < other.entry; };
+  const auto add = [&](int i, int j) {
+    const int source = entry_of(t.matrix, i, j);
+    const auto [first, last] = known_of[source];
+    const std::size_t before = known.size();
+    for (const Share& a : shares[i])
+      for (const Share& b : shares[j]) {
+        if (a.column < b.column) continue;
+        const int entry = entry_of(t.solver, a.column, b.column);
+        std::vector<Product>& sum = products[entry];
+        if (first < last) {
+          const Known *const begin = known.data() + first, *const end = known.data() + last;
+          const Known* const met = std::lower_bound(begin, end, Known{entry, 0}, comes_before);
+          if (met != end && met->entry == entry) {
+            sum[met->place].value += a.value * b.value;
+            continue;
+          }
         }
-    }
+        if (merges && i < j) known.push_back({entry, sum.size()});
+        sum.push_back({source, a.value * b.value, a.index, b.index});
+      }
+    if (known.size() == before) return;
+    std::sort(known.begin() + static_cast<std::ptrdiff_t>(before), known.end(), comes_before);
+    known_of[source] = {before, known.size()};
+  };
+  std::vector<int> ancestors;
+  for (int i = 0; i < t.velocities; ++i) {
+    ancestors.clear();
+    for (int j = t.matrix.parent[i]; j >= 0; j = t.matrix.parent[j]) ancestors.push_back(j);
+    for (auto j = ancestors.rbegin(); j != ancestors.rend(); ++j) add(i, *j);
+    for (int j = i; j < i + t.matrix.size[i]; ++j) add(i, j);
+  }
 
   // Entries with equally many products follow each other: the kernels' loops then have one length for a group.
   std::vector<int> entries(products.size()), start{0}, source, left, right;
@@ -107,6 +130,8 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   Reduction<double>& reduction = t.reduction;
   TableStorage& storage = program.storage;
 
+  require_room(program, t.matrix.entries, the_mass_matrix);
+
   // By velocity: the solver velocities that it depends on, in the initial order.
   const std::vector<int> order = initial_order(t, followers, has_constraint_velocities);
   const int n = static_cast<int>(order.size());
@@ -121,7 +146,8 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   // The pattern of A_r with its fill, and the depth-first numbering of its elimination.
   Pattern pattern = pattern_of(t, parts, n);
   add_folded(program, parts, pattern);
-  const Elimination tree = elimination_tree(std::move(pattern));
+  const Elimination tree = elimination_tree(pattern);
+  require_room(program, entries_of(tree.parent), "the mass matrix of its independent joints");
   t.solver = make_columns(tree.parent, storage);
 
   // Velocities and floating roots in that numbering.

@@ -1,29 +1,24 @@
 // Components: trees that couplings join. Each chooses how its inertia is made. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <numeric>
 
 #include "plan/layout.h"
+#include "plan/parts.h"
 
 namespace lockstep {
 
 std::vector<int> components(const Tables<double>& t) {
-  std::vector<int> component(t.tree.count);
-  std::iota(component.begin(), component.end(), 0);
+  Parts parts(t.tree.count);
   const auto tree_of_term = [&](int term) { return t.body[t.joint_body[t.term_joint[term]]].tree; };
-  const auto join = [&](int one_tree, int other_tree) {
-    const int one = component[one_tree], other = component[other_tree];
-    if (one != other) std::replace(component.begin(), component.end(), std::max(one, other), std::min(one, other));
-  };
   for (int c = 0; c < t.couplings; ++c)
     for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k)
-      join(tree_of_term(t.term_start[c]), tree_of_term(k));
+      parts.join(tree_of_term(t.term_start[c]), tree_of_term(k));
   for (int i = 0; i < t.spatial.tendons.count; ++i) {
     const SpatialTendon& tendon = t.spatial.tendons[i];
     for (int s = tendon.first; s < tendon.last; ++s)
       for (const int body : {t.spatial.segments[s].first_body, t.spatial.segments[s].second_body})
-        if (body >= 0) join(t.body[t.joint_body[tendon.joint]].tree, t.body[body].tree);
+        if (body >= 0) parts.join(t.body[t.joint_body[tendon.joint]].tree, t.body[body].tree);
   }
-  return component;
+  return parts.all();
 }
 
 void set_inertia(Program& program, const std::vector<bool>& trees, InertiaKind inertia) {

@@ -1,6 +1,7 @@
 // A_r from composite columns, which joints of one velocity share (M41). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <map>
+#include <set>
 #include <tuple>
 #include <vector>
 
@@ -107,18 +108,24 @@ class ColumnBuilder {
     std::vector<std::vector<int>> passed(bodies);
     // By body: the place of each velocity's column. Velocity n_ stands for the column of corrections.
     std::vector<std::map<int, int>> carried(bodies);
+    std::vector<std::vector<int>> children(bodies);
+    for (int b = 0; b < bodies; ++b)
+      if (t_.body[b].parent >= 0) children[t_.body[b].parent].push_back(b);
     for (int b = bodies - 1; b >= 0; --b) {
       if (!trees_[t_.body[b].tree]) continue;
 
       // Columns arrive from the children. Two of one velocity become one.
       std::map<int, int>& places = carried[b];
-      for (int child = b + 1; child < bodies; ++child) {
-        if (t_.body[child].parent != b) continue;
+      for (const int child : children[b]) {
+        if (places.empty()) {
+          places.swap(carried[child]);
+          continue;
+        }
         for (const auto& [column, place] : carried[child]) {
           const auto [known, is_new] = places.emplace(column, place);
           if (is_new) continue;
           merges[b].push_back({place, known->second});
-          free_.push_back(place);
+          free_.insert(place);
         }
       }
 
@@ -127,7 +134,7 @@ class ColumnBuilder {
         const int root = t_.roots[t_.body[b].joint].solver;
         for (const auto& [column, place] : places)
           for (int k = 0; k < 6; ++k) rows[b].push_back({place, entry(column, root + k), k});
-        for (const auto& [column, place] : places) free_.push_back(place);
+        for (const auto& [column, place] : places) free_.insert(place);
         continue;
       }
 
@@ -161,7 +168,7 @@ class ColumnBuilder {
         for (const auto& [column, place] : places) passed[b].push_back(place);
         std::sort(passed[b].begin(), passed[b].end());
       } else {
-        for (const auto& [column, place] : places) free_.push_back(place);
+        for (const auto& [column, place] : places) free_.insert(place);
       }
 
       // What that costs a step.
@@ -191,18 +198,15 @@ class ColumnBuilder {
     return std::max(one, other) < n_ ? entry_of(t_.solver, one, other) : t_.solver.entries + std::min(one, other);
   }
   int factor(int left, int right, int times) {
-    for (std::size_t i = 0; i < factors_.size(); ++i)
-      if (factors_[i].left == left && factors_[i].right == right && factors_[i].times == times)
-        return static_cast<int>(i);
-    factors_.push_back({left, right, times});
-    return static_cast<int>(factors_.size()) - 1;
+    const auto [known, is_new] = numbers_.try_emplace({left, right, times}, static_cast<int>(factors_.size()));
+    if (is_new) factors_.push_back({left, right, times});
+    return known->second;
   }
   int take_place() {
     if (free_.empty()) return places_++;
-    const auto lowest = std::min_element(free_.begin(), free_.end());
-    const int place = *lowest;
-    free_.erase(lowest);
-    return place;
+    const int lowest = *free_.begin();
+    free_.erase(free_.begin());
+    return lowest;
   }
 
   const Tables<double>& t_;
@@ -210,10 +214,11 @@ class ColumnBuilder {
   int n_, places_ = 0;
   bool has_corrections_;    // the position phase has a solution of its own
   std::vector<long> work_;  // by tree
-  std::vector<int> free_;
+  std::set<int> free_;
   std::vector<CompositeColumns::Factor> factors_;
-  std::vector<std::vector<ColumnShare>> shares_;  // by body: the joint's row of S
-  std::vector<int> follower_;                     // by body: its joint's number among the followers, -1 if independent
+  std::map<std::tuple<int, int, int>, int> numbers_;  // by factor: its number
+  std::vector<std::vector<ColumnShare>> shares_;      // by body: the joint's row of S
+  std::vector<int> follower_;  // by body: its joint's number among the followers, -1 if independent
 };
 
 }  // namespace

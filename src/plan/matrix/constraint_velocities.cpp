@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "plan/layout.h"
+#include "plan/parts.h"
 
 namespace lockstep {
 namespace {
@@ -56,15 +57,13 @@ void find_known_velocities(Program& program) {
 // Velocities that move each other, through the trees of a fixed root and through couplings. Returns each velocity's
 // part. The work of one part does not depend on the others.
 std::vector<int> parts_of(const Tables<double>& t) {
-  std::vector<int> part(t.velocities);
-  for (int i = 0; i < t.velocities; ++i) part[i] = t.matrix.parent[i] < 0 ? i : part[t.matrix.parent[i]];
+  Parts parts(t.velocities);
+  for (int i = 0; i < t.velocities; ++i)
+    if (t.matrix.parent[i] >= 0) parts.join(t.matrix.parent[i], i);
   for (int c = 0; c < t.couplings; ++c)
-    for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k) {
-      const int first = part[t.velocity_of(t.term_joint[t.term_start[c]])],
-                other = part[t.velocity_of(t.term_joint[k])];
-      std::replace(part.begin(), part.end(), other, first);
-    }
-  return part;
+    for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k)
+      parts.join(t.velocity_of(t.term_joint[t.term_start[c]]), t.velocity_of(t.term_joint[k]));
+  return parts.all();
 }
 
 // By part, the work to factor the matrix and, where rows are solved, to compute their responses. Bounds do not count:
@@ -90,19 +89,17 @@ std::vector<long> work_by_part(const Program& program, const std::vector<int>& p
 
   // To compute K and factor it, in parts where not all constraint velocities are known.
   std::vector<char> solves(t.velocities, 0);  // by part: not all of its constraint velocities are known
-  std::vector<std::vector<char>> moved(rows.count, std::vector<char>(t.solver.n, 0));
   for (int r = 0; r < rows.count; ++r) {
     const bool known = rows.known.count > 0 && rows.known[rows.term_index[rows.term_start[r]]] == r;
     if (program.method != Method::direct || !known) solves[part_of_row(r)] = 1;
-    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) moved[r][rows.support[s].index] = 1;
   }
+  std::vector<int> movers(t.solver.n, 0);  // by velocity: how many rows so far move it
   for (int r = 0; r < rows.count; ++r) {
     long& sum = work[part_of_row(r)];
+    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) ++movers[rows.support[s].index];
     if (!solves[part_of_row(r)]) continue;
     for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s)
-      sum += rows.support[s].end - rows.support[s].index;
-    for (int other = 0; other <= r; ++other)
-      for (int z = 0; z < t.solver.n; ++z) sum += moved[r][z] && moved[other][z];
+      sum += rows.support[s].end - rows.support[s].index + movers[rows.support[s].index];
     if (rows.columns.n > 0) sum += factoring(rows.columns, r);
   }
   return work;

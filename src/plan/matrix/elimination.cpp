@@ -1,24 +1,45 @@
 // The followers of always-hard couplings, eliminated: v = S z + w (M39). SPDX-License-Identifier: Apache-2.0
 //
 // Where J is constant, S is constant too. With gear ratios per environment, or functions, only its pattern is.
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <set>
 
 #include "plan/layout.h"
+#include "plan/limits.h"
 
 namespace lockstep {
 namespace {
 
-struct HardRows {
-  std::vector<int> coupling;  // by follower
-  std::vector<int> pivot;     // its follower joint
-  Eigen::MatrixXd matrix;     // [J, 1] after Gauss-Jordan elimination: only the pivot is left in a pivot column
+// A row of [J, 1]: by joint, then by number of joints + row.
+template <class E>
+using SparseRow = std::map<int, E>;
+
+template <class E>
+E at(const SparseRow<E>& row, int column, E otherwise) {
+  const auto entry = row.find(column);
+  return entry == row.end() ? otherwise : entry->second;
+}
+
+// Rows, and which of them have an entry in a joint's column.
+template <class E>
+struct SparseRows {
+  std::vector<SparseRow<E>> row;
+  std::vector<std::set<int>> with;  // by joint
+
+  SparseRows(std::size_t rows, int joints) : row(rows), with(static_cast<std::size_t>(joints)) {}
+  void put(int r, int column, E entry) {
+    row[static_cast<std::size_t>(r)][column] = entry;
+    if (column < static_cast<int>(with.size())) with[static_cast<std::size_t>(column)].insert(r);
+  }
 };
 
-bool is_pivot(const HardRows& rows, int joint) {
-  return std::find(rows.pivot.begin(), rows.pivot.end(), joint) != rows.pivot.end();
-}
+struct HardRows {
+  std::vector<int> coupling;              // by follower
+  std::vector<int> pivot;                 // its follower joint
+  std::vector<SparseRow<double>> matrix;  // after Gauss-Jordan elimination: only the pivot is left in a pivot column
+};
 
 HardRows gauss_jordan(const Program& program) {
   const Tables<double>& t = program.f64;
@@ -26,45 +47,68 @@ HardRows gauss_jordan(const Program& program) {
   for (int c = 0; c < t.couplings; ++c)
     if (always_hard(program, c) && !is_redundant(program, c)) rows.coupling.push_back(c);
   const int count = static_cast<int>(rows.coupling.size());
-  rows.matrix.setZero(count, t.joints + count);
+  SparseRows<double> matrix(rows.coupling.size(), t.joints);
   for (int r = 0; r < count; ++r) {
     const int c = rows.coupling[r];
-    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) rows.matrix(r, t.term_joint[k]) = t.term_value[k];
-    rows.matrix(r, t.joints + r) = 1.0;
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) matrix.put(r, t.term_joint[k], t.term_value[k]);
+    matrix.put(r, t.joints + r, 1.0);
   }
+  std::vector<char> is_pivot(t.joints, 0);
+  long entries = 0;
+  for (const SparseRow<double>& row : matrix.row) entries += static_cast<long>(row.size());
   for (int p = 0; p < count; ++p) {
-    const Eigen::VectorXd row = rows.matrix.row(p).head(t.joints).cwiseAbs();
+    const SparseRow<double>& own = matrix.row[p];
     int pivot = 0;
-    const double largest = row.maxCoeff(&pivot);
+    double largest = 0.0;
+    for (auto entry = own.begin(); entry != own.lower_bound(t.joints); ++entry)
+      if (std::abs(entry->second) > largest) pivot = entry->first, largest = std::abs(entry->second);
     const int first = t.term_joint[t.term_start[rows.coupling[p]]];
     if (places_tendon(t, rows.coupling[p]) || is_curved(program, rows.coupling[p]) ||
-        (!is_pivot(rows, first) && row[first] * follower_preference >= largest))
+        (!is_pivot[first] && std::abs(at(own, first, 0.0)) * follower_preference >= largest))
       pivot = first;
     rows.pivot.push_back(pivot);
-    for (int r = 0; r < count; ++r) {
-      if (r == p || rows.matrix(r, pivot) == 0.0) continue;
-      rows.matrix.row(r) -= rows.matrix(r, pivot) / rows.matrix(p, pivot) * rows.matrix.row(p);
-      rows.matrix(r, pivot) = 0.0;
+    is_pivot[pivot] = 1;
+    require_room(program, entries, the_elimination);
+    const double at_pivot = at(own, pivot, 0.0);
+    for (const int r : matrix.with[pivot]) {
+      if (r == p) continue;
+      const auto left = matrix.row[r].find(pivot);
+      const double times = left->second / at_pivot;
+      matrix.row[r].erase(left), --entries;
+      if (times == 0.0) continue;
+      for (const auto& [column, number] : own) {
+        if (column == pivot) continue;
+        const auto [entry, is_new] = matrix.row[r].emplace(column, 0.0);
+        entry->second -= times * number;
+        entries += is_new ? 1 : 0;
+        if (is_new && column < t.joints) matrix.with[column].insert(r);
+      }
     }
+    matrix.with[pivot] = {p};
   }
+  require_room(program, entries, the_elimination);
+  rows.matrix = std::move(matrix.row);
+  for (SparseRow<double>& row : rows.matrix) std::erase_if(row, [](const auto& entry) { return entry.second == 0.0; });
   return rows;
 }
 
 // The same elimination on the pattern only, recorded as operations that each lane repeats with its own gear ratios.
-// Returns the places of the final entries, -1 for structural zeros.
-Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
+// Returns the places of the final entries.
+std::vector<SparseRow<int>> record_elimination(Program& program, const HardRows& rows) {
   Tables<double>& t = program.f64;
   Reduction<double>& reduction = t.reduction;
   const int count = static_cast<int>(rows.coupling.size());
-  Eigen::MatrixXi entry = Eigen::MatrixXi::Constant(count, rows.matrix.cols(), -1);
+  SparseRows<int> matrix(rows.coupling.size(), t.joints);
   std::vector<Fill<double>> fills;
   std::vector<Reduction<double>::Elimination> eliminations;
   std::vector<Reduction<double>::Update> updates;
   std::vector<int> pivots;
   int entries = 0;
   const auto fill = [&](int r, int column, int term, double value) {
-    entry(r, column) = entries;
-    fills.push_back({{entries++, term}, value});
+    require_room(program, entries, the_elimination);
+    matrix.put(r, column, entries);
+    fills.push_back({{entries, term}, value});
+    return entries++;
   };
 
   // The entries of [J_h, 1] to begin with.
@@ -77,47 +121,55 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   // (M43), pivot by pivot. An entry that fills in begins as 0.
   for (int p = 0; p < count; ++p) {
     const int pivot = rows.pivot[p];
-    for (int r = 0; r < count; ++r) {
-      if (r == p || entry(r, pivot) < 0) continue;
+    const SparseRow<int>& own = matrix.row[p];
+    const int at_pivot = at(own, pivot, -1);
+    for (const int r : matrix.with[pivot]) {
+      if (r == p) continue;
       const int first = static_cast<int>(updates.size());
-      for (int column = 0; column < entry.cols(); ++column) {
-        if (column == pivot || entry(p, column) < 0) continue;
-        if (entry(r, column) < 0) fill(r, column, -1, 0.0);
-        updates.push_back({entry(r, column), entry(p, column)});
+      for (const auto& [column, source] : own) {
+        if (column == pivot) continue;
+        const int known = at(matrix.row[r], column, -1);
+        updates.push_back({known < 0 ? fill(r, column, -1, 0.0) : known, source});
       }
-      eliminations.push_back({entry(r, pivot), entry(p, pivot), first, static_cast<int>(updates.size())});
-      entry(r, pivot) = -1;
+      const auto left = matrix.row[r].find(pivot);
+      eliminations.push_back({left->second, at_pivot, first, static_cast<int>(updates.size())});
+      matrix.row[r].erase(left);
     }
+    matrix.with[pivot] = {p};
   }
 
-  for (int f = 0; f < count; ++f) pivots.push_back(entry(f, rows.pivot[f]));
+  for (int f = 0; f < count; ++f) pivots.push_back(at(matrix.row[f], rows.pivot[f], -1));
   reduction.entries = entries;
   reduction.fills = program.storage.keep(std::move(fills));
   reduction.eliminations = program.storage.keep(std::move(eliminations));
   reduction.updates = program.storage.keep(std::move(updates));
   reduction.pivot = program.storage.keep(std::move(pivots));
-  return entry;
+  return std::move(matrix.row);
 }
 
-// The couplings of `remaining` in an order in which each places its first joint by joints that are placed already.
-// Empty if they form a ring.
-std::vector<int> placing_order(const Tables<double>& t, std::vector<int> remaining) {
-  std::vector<int> order;
+// The couplings in an order in which each places its first joint by joints that are placed already: of those that can,
+// always the first. Empty if they form a ring.
+std::vector<int> placing_order(const Tables<double>& t, const std::vector<int>& couplings) {
   const auto first_joint = [&](int c) { return t.term_joint[t.term_start[c]]; };
-  const auto waits = [&](int c) {
-    for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k)
-      if (std::any_of(remaining.begin(), remaining.end(),
-                      [&](int other) { return t.term_joint[k] == first_joint(other); }))
-        return true;
-    return false;
-  };
-  while (!remaining.empty()) {
-    const auto next = std::find_if_not(remaining.begin(), remaining.end(), waits);
-    if (next == remaining.end()) return {};
-    order.push_back(*next);
-    remaining.erase(next);
+  std::map<int, int> placers;                           // by joint: how many couplings are still to place it
+  std::map<int, std::vector<std::size_t>> that_follow;  // by such a joint
+  for (const int c : couplings) ++placers[first_joint(c)];
+  std::vector<int> waiting(couplings.size(), 0), order;  // for how many of its joints
+  std::set<std::size_t> ready;
+  for (std::size_t i = 0; i < couplings.size(); ++i) {
+    for (int k = t.term_start[couplings[i]] + 1; k < t.term_start[couplings[i] + 1]; ++k)
+      if (placers.count(t.term_joint[k]) > 0) ++waiting[i], that_follow[t.term_joint[k]].push_back(i);
+    if (waiting[i] == 0) ready.insert(i);
   }
-  return order;
+  while (!ready.empty()) {
+    const int c = couplings[*ready.begin()];
+    ready.erase(ready.begin());
+    order.push_back(c);
+    if (--placers[first_joint(c)] > 0) continue;
+    for (const std::size_t other : that_follow[first_joint(c)])
+      if (--waiting[other] == 0) ready.insert(other);
+  }
+  return order.size() == couplings.size() ? order : std::vector<int>{};
 }
 
 // The couplings that place their followers, component by component. A component where a follower is not the first joint
@@ -199,31 +251,32 @@ void eliminate_followers(Program& program) {
   const HardRows rows = gauss_jordan(program);
   const int count = static_cast<int>(rows.coupling.size());
   if (count == 0 && !t.spatial.used()) return;
-  Eigen::MatrixXi entry;
+  std::vector<SparseRow<int>> entry;
   if (differ) entry = record_elimination(program, rows);
-  const auto present = [&](int f, int column) {
-    return differ ? entry(f, column) >= 0 : rows.matrix(f, column) != 0.0;
-  };
 
   // S, and the inverse of J's follower columns.
   std::vector<Follower> followers;
   std::vector<int> value_entry, inverse_start{0}, inverse_coupling, inverse_entry;
   std::vector<double> inverse_value;
   for (int f = 0; f < count; ++f) {
-    const double pivot = rows.matrix(f, rows.pivot[f]);
+    const double pivot = at(rows.matrix[f], rows.pivot[f], 0.0);
     Follower follower{rows.pivot[f], {}};
-    for (int j = 0; j < t.joints; ++j) {
-      if (j == rows.pivot[f] || !present(f, j)) continue;
-      follower.shares.push_back({t.velocity_of(j), -rows.matrix(f, j) / pivot});
-      if (differ) value_entry.push_back(entry(f, j));
-    }
+    const auto add = [&](int column, double number, int place) {
+      if (column == rows.pivot[f]) return;
+      if (column < t.joints) {
+        follower.shares.push_back({t.velocity_of(column), -number / pivot});
+        if (differ) value_entry.push_back(place);
+        return;
+      }
+      inverse_coupling.push_back(rows.coupling[column - t.joints]);
+      inverse_value.push_back(number / pivot);
+      if (differ) inverse_entry.push_back(place);
+    };
+    if (differ)
+      for (const auto& [column, place] : entry[f]) add(column, at(rows.matrix[f], column, 0.0), place);
+    else
+      for (const auto& [column, number] : rows.matrix[f]) add(column, number, -1);
     followers.push_back(std::move(follower));
-    for (int r = 0; r < count; ++r) {
-      if (!present(f, t.joints + r)) continue;
-      inverse_coupling.push_back(rows.coupling[r]);
-      inverse_value.push_back(rows.matrix(f, t.joints + r) / pivot);
-      if (differ) inverse_entry.push_back(entry(f, t.joints + r));
-    }
     inverse_start.push_back(static_cast<int>(inverse_coupling.size()));
   }
   for (Follower& tendon : spatial_followers(program, followers)) {
@@ -236,10 +289,12 @@ void eliminate_followers(Program& program) {
 
   // By velocity: the followers with which it shares entries of A, for products of A with corrections (M40).
   std::vector<std::vector<Momentum>> by_velocity(t.velocities);
-  for (int f = 0; f < count; ++f)
-    for (int i = 0; i < t.velocities; ++i)
-      if (const int shared = entry_of(t.matrix, i, t.velocity_of(rows.pivot[f])); shared >= 0)
-        by_velocity[i].push_back({shared, f});
+  for (int f = 0; f < count; ++f) {
+    const int own = t.velocity_of(rows.pivot[f]);
+    const auto add = [&](int i) { by_velocity[i].push_back({entry_of(t.matrix, i, own), f}); };
+    for (int i = t.matrix.parent[own]; i >= 0; i = t.matrix.parent[i]) add(i);
+    for (int i = own; i < own + t.matrix.size[own]; ++i) add(i);
+  }
   std::tie(reduction.momentum_start, reduction.momentum) = flattened(by_velocity, storage);
 
   // Rates of w (M39), and the eliminated dofs.

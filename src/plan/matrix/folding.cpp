@@ -44,8 +44,7 @@ void add_folded(const Program& program, const std::vector<std::vector<int>>& par
       const std::vector<int>& part = parts[t.velocity_of(t.term_joint[k])];
       moved.insert(moved.end(), part.begin(), part.end());
     }
-    for (const int a : moved)
-      for (const int b : moved) pattern[std::max(a, b)][std::min(a, b)] = 1;
+    pattern.join_all(moved);
   }
 }
 

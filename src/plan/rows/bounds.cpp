@@ -1,9 +1,9 @@
 // Limits, friction, kinematic drives and force limits as bounded rows (section 12). SPDX-License-Identifier: Apache-2.0
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
+#include "dependence.h"
 #include "model/tendons.h"
 #include "plan/layout.h"
 
@@ -122,12 +122,19 @@ bool follows_from_eliminated(const Program& program, const RowForm& form) {
   return true;
 }
 
-// Whether the directions of hard rows are linearly dependent, including those of the couplings that are left to solve.
-bool depend(const Program& program, const std::vector<Row>& rows, const std::vector<RowForm>& forms) {
+// Whether the directions of hard rows may be linearly dependent, including those of the couplings that are left to
+// solve.
+bool may_depend(const Program& program, const Forms& all, const std::vector<Row>& rows,
+                const std::vector<RowForm>& forms) {
   const Tables<double>& t = program.f64;
-  std::vector<const RowForm*> hard;
+  std::vector<std::map<int, double>> hard;
+  const auto add = [&](const RowForm& form) {
+    hard.emplace_back();
+    for (const auto& [index, shares] : form.terms)
+      for (const Contribution& share : shares) hard.back()[index] += value_of(t, share);
+  };
   for (std::size_t r = 0; r < rows.size(); ++r)
-    if (rows[r].kind == BoundKind::joint || is_hard(forms[r].softness)) hard.push_back(&forms[r]);
+    if (rows[r].kind == BoundKind::joint || is_hard(forms[r].softness)) add(forms[r]);
   if (hard.empty()) return false;
   // The direction of a ball's range turns with the ball, and that of a spatial tendon with its segments, into those of
   // other rows.
@@ -136,21 +143,11 @@ bool depend(const Program& program, const std::vector<Row>& rows, const std::vec
         row.kind == BoundKind::ball_range || (row.kind == BoundKind::joint && is_spatial(t, row.members[0].joint));
     if (turns && hard.size() > 1) return true;
   }
-  std::vector<RowForm> couplings;
   for (int r = 0; r < t.rows.count; ++r)
     if (const int c = t.rows.coupling[r];
         is_hard(program.model.couplings[c].softness) || declared(program, Parameter::softness))
-      couplings.push_back(coupling_form(program, t.reduction, c));
-  for (const RowForm& coupling : couplings) hard.push_back(&coupling);
-  Eigen::MatrixXd directions = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(hard.size()), t.solver.n);
-  for (std::size_t r = 0; r < hard.size(); ++r) {
-    for (const auto& [index, shares] : hard[r]->terms)
-      for (const Contribution& share : shares) directions(static_cast<Eigen::Index>(r), index) += value_of(t, share);
-    directions.row(static_cast<Eigen::Index>(r)).normalize();
-  }
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> factored(directions.transpose());
-  factored.setThreshold(1e-9);
-  return factored.rank() < directions.rows();
+      add(all.of_coupling(c));
+  return depend(hard, t.solver.n);
 }
 
 // Limited servos that follow several velocities are rows, where the plan has rounds for these.
@@ -209,18 +206,17 @@ void put_single_first(const Tables<double>& t, std::vector<Row>& rows, BoundForm
 }
 
 // Where the terms of their rows stand, which a step fills in.
-void place_ball_ranges(Program& program, const std::vector<Row>& rows) {
+void place_ball_ranges(Program& program, const Forms& forms, const std::vector<Row>& rows) {
   Tables<double>& t = program.f64;
   const Rows<double>& places = t.bounds.rows;
+  std::vector<int> row_of(t.joints, -1);
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    if (rows[r].kind == BoundKind::ball_range) row_of[rows[r].members[0].joint] = static_cast<int>(r);
   std::vector<BallJoint> balls(t.balls.data, t.balls.data + t.balls.count);
   for (BallJoint& ball : balls) {
-    ball.row = -1;
-    for (std::size_t r = 0; r < rows.size(); ++r)
-      if (rows[r].kind == BoundKind::ball_range && rows[r].members[0].joint == ball.joint)
-        ball.row = static_cast<int>(r);
+    ball.row = row_of[ball.joint];
     for (int axis = 0; axis < 3 && ball.row >= 0; ++axis) {
-      RowForm form{-1, {}, {}};
-      add_joint(t, t.reduction, ball.joint + axis, -1, form);
+      const RowForm form = forms.of_joint(ball.joint + axis);
       for (int k = places.term_start[ball.row]; k < places.term_start[ball.row + 1]; ++k)
         if (places.term_index[k] == velocity_of(form)) ball.value[axis] = k;
     }
@@ -238,11 +234,7 @@ BoundForms lay_out_bounds(Program& program) {
 
   std::vector<Row> rows;
   BoundForms result;
-  const auto joint_form = [&](int i) {
-    RowForm form{-1, {}, {}};
-    add_joint(t, t.reduction, i, -1, form);
-    return form;
-  };
+  const Forms forms(program, t.reduction);
   const auto add = [&](Row row, RowForm form) {
     // Couplings may leave no freedom that could be bounded. A servo pulls at them all the same.
     if (form.terms.empty() && row.kind != BoundKind::servo) return;
@@ -266,7 +258,7 @@ BoundForms lay_out_bounds(Program& program) {
   std::vector<int> row_of_velocity(t.solver.n, -1);
   each_joint([&](const Joint&, int i) {
     if ((compete ? b.has[i] & ~has_kinematic_drive : b.has[i]) == 0) return;
-    RowForm form = joint_form(i);
+    RowForm form = forms.of_joint(i);
     const Member member = member_of(t, i);
     const int z = velocity_of(t, i, form);
     if (z >= 0 && row_of_velocity[z] >= 0) return rows[row_of_velocity[z]].members.push_back(member);
@@ -279,7 +271,7 @@ BoundForms lay_out_bounds(Program& program) {
 
   // All other rows stand for one joint or one coupling each.
   const auto add_soft = [&](BoundKind kind, const Softness& softness, int i) {
-    RowForm form = joint_form(i);
+    RowForm form = forms.of_joint(i);
     form.softness = softness;
     Member member = member_of(t, i);
     member.share = -1;
@@ -287,8 +279,8 @@ BoundForms lay_out_bounds(Program& program) {
   };
   each_joint([&](const Joint& joint, int i) {
     if (joint.kind != JointKind::ball || !has_range_of(program, joint)) return;
-    RowForm form = joint_form(i);
-    for (int k = 1; k < 3; ++k) add_joint(t, t.reduction, i + k, -1, form);
+    RowForm form = forms.of_joint(i);
+    for (int k = 1; k < 3; ++k) forms.add_joint(i + k, -1, form);
     form.softness = joint.limit_softness;
     add({BoundKind::ball_range, -1, {member_of(t, i)}}, std::move(form));
   });
@@ -307,7 +299,7 @@ BoundForms lay_out_bounds(Program& program) {
   for (int i = 0; i < t.row_servos.count; ++i) add_soft(BoundKind::servo, Hard{}, t.row_servos[i]);
   for (int c = 0; c < t.couplings; ++c) {
     if (!(model.couplings[c].force_limit < infinity) || is_absent(program, c)) continue;
-    RowForm form = coupling_form(program, t.reduction, c);
+    RowForm form = forms.of_coupling(c);
     if (follows_from_eliminated(program, form)) form.terms.clear();
     add({BoundKind::coupling, c, {}}, std::move(form));
   }
@@ -316,8 +308,8 @@ BoundForms lay_out_bounds(Program& program) {
   b.single = 0;
   if (t.rows.count == 0 && (rounds || all_single(t, rows, result))) put_single_first(t, rows, result, b.single);
   b.rows = lay_out_forms(program, result.forms, t.solver, false);
-  b.may_depend = depend(program, rows, result.forms);
-  place_ball_ranges(program, rows);
+  b.may_depend = may_depend(program, forms, rows, result.forms);
+  place_ball_ranges(program, forms, rows);
 
   // When some row may be active: joints to look at in each step, or always.
   std::vector<Watched> watched;

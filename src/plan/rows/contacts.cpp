@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/by_name.h"
 #include "model/hull.h"
 #include "plan/layout.h"
+#include "plan/limits.h"
 
 namespace lockstep {
 namespace {
@@ -145,8 +147,13 @@ void put_heights(const Shape& shape, double reach, ColliderPlace<double>& collid
       for (Eigen::Index column = 0; column < matrix->cols(); ++column) numbers.push_back((*matrix)(row, column));
 }
 
-BodyPlace place_of(const Program& program, const Collider& collider) {
-  return place_of(program, collider.link, Eigen::Isometry3d(collider.pose));
+// By collider.
+std::vector<BodyPlace> places_of_colliders(const Program& program) {
+  const ByName links(program.model.links);
+  std::vector<BodyPlace> places;
+  for (const Collider& collider : program.model.colliders)
+    places.push_back(place_of(program, links.find(collider.link), Eigen::Isometry3d(collider.pose)));
+  return places;
 }
 
 // Of a box around a shape that is round about z.
@@ -154,8 +161,7 @@ void put_half(double radius, double half_length, ColliderPlace<double>& collider
   collider.half[0] = collider.half[1] = radius, collider.half[2] = half_length;
 }
 
-ColliderPlace<double> placed(const Program& program, const Collider& collider) {
-  const BodyPlace place = place_of(program, collider);
+ColliderPlace<double> placed(const Collider& collider, const BodyPlace& place) {
   ColliderPlace<double> result{};
   result.body = place.body;
   result.kind = collider.shape.kind;
@@ -192,20 +198,20 @@ ColliderPlace<double> placed(const Program& program, const Collider& collider) {
   return result;
 }
 
-MovingColumns columns_of(const Program& program, const ColliderPair& pair) {
-  const auto body = [&](int collider) {
-    return place_of(program, program.model.colliders[static_cast<std::size_t>(collider)]).body;
-  };
-  return columns_between(program, body(pair.first), body(pair.second));
-}
-
 }  // namespace
 
 std::vector<std::vector<int>> contact_velocities(const Program& program) {
+  const std::vector<BodyPlace> places = places_of_colliders(program);
+  const Forms forms(program, program.f64.reduction);
   std::vector<std::vector<int>> all;
+  long entries = 0;
   for (const ColliderPair& pair : program.contacts.pairs) {
     all.emplace_back();
-    for (const auto& [z, parts] : columns_of(program, pair)) all.back().push_back(z);
+    for (const auto& [z, parts] : columns_between(program, forms, places[static_cast<std::size_t>(pair.first)].body,
+                                                  places[static_cast<std::size_t>(pair.second)].body))
+      all.back().push_back(z);
+    entries += pair_count(all.back().size());
+    require_room(program, entries, "the matrix of what its contacts move");
   }
   return all;
 }
@@ -217,8 +223,9 @@ void lay_out_contacts(Program& program) {
   std::vector<HullStructure> hulls;
   std::vector<HeightStructure> fields;
   std::vector<double> numbers;
+  const std::vector<BodyPlace> places = places_of_colliders(program);
   for (const Collider& collider : program.model.colliders) {
-    colliders.push_back(placed(program, collider));
+    colliders.push_back(placed(collider, places[colliders.size()]));
     if (collider.shape.kind == ShapeKind::hull) put_hull(collider.shape, colliders.back(), hulls, numbers);
   }
   for (std::size_t c = 0; c < colliders.size(); ++c) {
@@ -239,6 +246,7 @@ void lay_out_contacts(Program& program) {
   std::vector<int> entries;
   std::vector<PairRange> contacts;
   int slots = 0;
+  const Forms forms(program, t.reduction);
   for (const ColliderPair& from : program.contacts.pairs) {
     // Shapes, and the slots that they need.
     TouchingPair<double> pair{};
@@ -260,7 +268,7 @@ void lay_out_contacts(Program& program) {
 
     // The columns of its velocities (M108), and the entries of the matrix between them.
     pair.column = static_cast<int>(columns.size()), pair.entry = static_cast<int>(entries.size());
-    for (const auto& [solver, list] : columns_of(program, from)) {
+    for (const auto& [solver, list] : columns_between(program, forms, one.body, other.body)) {
       const int z = t.rounds.place[solver];
       const int first = static_cast<int>(parts.size());
       parts.insert(parts.end(), list.begin(), list.end());

@@ -1,6 +1,8 @@
 // The rows of the diagnostics, and their names. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <map>
+
 #include "plan/layout.h"
 
 namespace lockstep {
@@ -12,22 +14,24 @@ void lay_out_report(Program& program) {
     program.reported.push_back(row);
     program.row_names.push_back(name);
   };
-  const auto index_of = [](const auto& list, int wanted) {
-    for (int i = 0; i < list.count; ++i)
-      if (list[i] == wanted) return i;
-    return -1;
-  };
-
-  // The bounded row of this kind that holds the joint or the coupling, -1 if there is none.
+  // The bounded row of each kind that holds a joint or a coupling: the first one.
+  std::map<std::pair<BoundKind, int>, int> bounded_rows;
+  for (int r = 0; r < b.rows.count; ++r) {
+    if (b.kind[r] == BoundKind::coupling) bounded_rows.emplace(std::pair(b.kind[r], b.rows.coupling[r]), r);
+    for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m)
+      bounded_rows.emplace(std::pair(b.kind[r], b.member[m].joint), r);
+  }
   const auto bounded_row = [&](BoundKind kind, int index) {
-    for (int r = 0; r < b.rows.count; ++r) {
-      if (b.kind[r] != kind) continue;
-      if (kind == BoundKind::coupling && b.rows.coupling[r] == index) return r;
-      for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m)
-        if (b.member[m].joint == index) return r;
-    }
-    return -1;
+    const auto row = bounded_rows.find({kind, index});
+    return row == bounded_rows.end() ? -1 : row->second;
   };
+  const auto places_in = [](const Span<int>& list, int count) {
+    std::vector<int> places(static_cast<std::size_t>(count), -1);
+    for (int i = 0; i < list.count; ++i) places[static_cast<std::size_t>(list[i])] = i;
+    return places;
+  };
+  const std::vector<int> row_of_coupling = places_in(t.impulse_coupling, t.couplings),
+                         limited_servo = places_in(t.limited_servos, t.joints);
 
   // Couplings, in the model's order.
   const std::vector<std::string> couplings = coupling_names(program.model);
@@ -35,7 +39,7 @@ void lay_out_report(Program& program) {
   for (int c = 0; c < t.couplings; ++c) {
     const Coupling& coupling = program.model.couplings[c];
     if (is_hard(coupling.softness)) hard[c] = erp_of(coupling.softness) / program.settings.dt;
-    add({Reported::coupling, c, index_of(t.impulse_coupling, c), bounded_row(BoundKind::coupling, c),
+    add({Reported::coupling, c, row_of_coupling[c], bounded_row(BoundKind::coupling, c),
          is_hard(coupling.softness) ? 1 : -1},
         "coupling " + couplings[c]);
   }
@@ -65,7 +69,7 @@ void lay_out_report(Program& program) {
                 : bounded_row(BoundKind::drive, i) >= 0 ? BoundKind::drive
                                                         : BoundKind::joint);
     if (t.effort_limit[i] < unlimited)
-      add({Reported::effort_limit, i, -1, bounded_row(BoundKind::servo, i), index_of(t.limited_servos, i)},
+      add({Reported::effort_limit, i, -1, bounded_row(BoundKind::servo, i), limited_servo[i]},
           "effort limit " + joint.name);
   }
 

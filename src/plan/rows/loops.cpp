@@ -45,11 +45,12 @@ void lay_out_loops(Program& program) {
   std::vector<HeldLoop<double>> loops;
   std::vector<PairColumn> columns;
   std::vector<ColumnPart> parts;
+  const Forms forms(program, t.reduction);
   for (const Loop& from : program.model.loops) {
     HeldLoop<double> loop = held_loop(program, from);
     loop.row = t.loops.rows, loop.value = t.loops.values;
     loop.column = static_cast<int>(columns.size());
-    for (const auto& [z, list] : columns_between(program, loop.first, loop.second)) {
+    for (const auto& [z, list] : columns_between(program, forms, loop.first, loop.second)) {
       const int first = static_cast<int>(parts.size());
       parts.insert(parts.end(), list.begin(), list.end());
       columns.push_back({z, first, static_cast<int>(parts.size())});

@@ -39,10 +39,14 @@ Eigen::Isometry3d pose_of(const double (&rotation)[9], const double (&offset)[3]
 
 }  // namespace
 
-BodyPlace place_of(const Program& program, const std::string& link_name, const Eigen::Isometry3d& own) {
+BodyPlace place_of(const Program& program, const std::string& link, const Eigen::Isometry3d& own) {
+  return place_of(program, link.empty() ? -1 : program.model.link_index(link), own);
+}
+
+BodyPlace place_of(const Program& program, int link_index, const Eigen::Isometry3d& own) {
   const Tables<double>& t = program.f64;
-  if (link_name.empty()) return {-1, own};
-  const LinkPlace<double>& link = t.link[program.model.link_index(link_name)];
+  if (link_index < 0) return {-1, own};
+  const LinkPlace<double>& link = t.link[link_index];
   const Eigen::Isometry3d in_body = pose_of(link.rotation, link.offset) * own;
   if (link.body >= 0) return {link.body, in_body};
   const TreePlace<double>& tree = t.tree[link.tree];
@@ -60,17 +64,15 @@ std::vector<int> velocities_between(const Tables<double>& t, int first, int seco
   return velocities;
 }
 
-MovingColumns columns_between(const Program& program, int first, int second) {
+MovingColumns columns_between(const Program& program, const Forms& forms, int first, int second) {
   const Tables<double>& t = program.f64;
   MovingColumns columns;
   for (const MovingVelocity& m : moving(t, first, second)) {
     if (m.component >= 0) {
-      for (int z = 0; z < t.solver.n; ++z)
-        if (t.reduction.velocity_of(z) == m.velocity) columns[z].push_back({m.body, m.component, -1, m.sign});
+      if (const int z = forms.solver_of(m.velocity); z >= 0) columns[z].push_back({m.body, m.component, -1, m.sign});
       continue;
     }
-    RowForm form{-1, Hard{}};
-    add_joint(t, t.reduction, t.body[m.body].joint, -1, form);
+    const RowForm form = forms.of_joint(t.body[m.body].joint);
     for (const auto& [z, contributions] : form.terms)
       for (const Contribution& c : contributions) columns[z].push_back({m.body, -1, c.value, m.sign});
   }

@@ -1,28 +1,32 @@
 // The Newton rounds: their matrix, and which rows are slots of them. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <numeric>
 
 #include "plan/layout.h"
+#include "plan/limits.h"
 
 namespace lockstep {
 namespace {
 
-// Where the joint's velocity comes from; velocity -1 if it is the sum of several.
-LimitedServo velocity_of(const Tables<double>& t, int joint) {
+// Whether the joint follows one other by an entry of S.
+bool has_one_leader(const Tables<double>& t, int follower) {
   const Reduction<double>& r = t.reduction;
-  if (!r.used()) return {t.velocity_of(joint), -1, -1};
-  if (const int f = r.follower_of[joint]; f >= 0)
-    return r.eliminates() && r.start[f + 1] - r.start[f] == 1 && !is_spatial(t, joint)
-               ? LimitedServo{r.column[r.start[f]], r.start[f], f}
-               : LimitedServo{-1, -1, -1};
-  for (int z = 0; z < t.solver.n; ++z)
-    if (r.independent[z] == t.velocity_of(joint)) return {z, -1, -1};
-  return {-1, -1, -1};
+  return r.eliminates() && r.start[follower + 1] - r.start[follower] == 1 && !is_spatial(t, r.follower[follower]);
+}
+
+// Where the joint's velocity comes from; velocity -1 if it is the sum of several.
+LimitedServo servo_of(const Tables<double>& t, const Forms& forms, int joint) {
+  const Reduction<double>& r = t.reduction;
+  const int f = r.used() ? r.follower_of[joint] : -1;
+  if (f < 0) return {forms.solver_of(t.velocity_of(joint)), -1, -1};
+  return has_one_leader(t, f) ? LimitedServo{r.column[r.start[f]], r.start[f], f} : LimitedServo{-1, -1, -1};
 }
 
 }  // namespace
 
-bool acts_on_one_velocity(const Tables<double>& t, int joint) { return velocity_of(t, joint).velocity >= 0; }
+bool acts_on_one_velocity(const Tables<double>& t, int joint) {
+  const int f = t.reduction.used() ? t.reduction.follower_of[joint] : -1;
+  return f < 0 || has_one_leader(t, f);
+}
 
 namespace {
 
@@ -56,14 +60,11 @@ std::vector<Slot> slots_of(const Tables<double>& t) {
 }
 
 // A_r, and what slots and contacts fill in.
-Pattern pattern_of(const Tables<double>& t, const std::vector<std::vector<int>>& together) {
-  const int n = t.solver.n;
-  Pattern pattern(n, std::vector<char>(n, 0));
-  for (int j = 0; j < n; ++j)
-    for (int i = j; i < j + t.solver.size[j]; ++i) pattern[i][j] = 1;
-  for (const std::vector<int>& velocities : together)
-    for (const int a : velocities)
-      for (const int b : velocities) pattern[std::max(a, b)][std::min(a, b)] = 1;
+Pattern pattern_of(const Tables<double>& t, std::vector<std::vector<int>> together) {
+  Pattern pattern(t.solver.n);
+  for (int z = 0; z < t.solver.n; ++z)
+    if (t.solver.parent[z] >= 0) pattern.join(t.solver.parent[z], z);
+  for (std::vector<int>& velocities : together) pattern.join_all(velocities);
   return pattern;
 }
 
@@ -82,6 +83,7 @@ void lay_out_matrix(Program& program, const std::vector<std::vector<int>>& toget
   const int n = t.solver.n;
   const std::vector<bool> bodies = of_bodies(t);
   const Elimination tree = elimination_tree(pattern_of(t, together));
+  require_room(program, entries_of(tree.parent), "the mass matrix beside its bounds and contacts");
   rounds.columns = make_columns(tree.parent, program.storage);
   rounds.renumbered = rounds.columns.entries != t.solver.entries || t.articulated.used();
   std::vector<int> place(static_cast<std::size_t>(n));
@@ -106,6 +108,9 @@ void lay_out_slots(Program& program, std::vector<Slot> slots) {
   Rounds& rounds = t.rounds;
   std::vector<RowSlot> rows;
   std::vector<int> term, entry;
+  bool has_soft_loops = false;
+  for (int l = 0; l < t.loops.loops.count; ++l)
+    has_soft_loops = has_soft_loops || t.loops.loops[l].cfm_per_response > 0.0;
   for (auto& [row, velocities] : slots) {
     row.first = static_cast<int>(term.size()), row.entry = static_cast<int>(entry.size());
     for (const int z : velocities) {
@@ -117,9 +122,7 @@ void lay_out_slots(Program& program, std::vector<Slot> slots) {
     if (row.bounded >= 0 && t.bounds.kind[row.bounded] != BoundKind::servo)
       rounds.needs_responses = rounds.needs_responses || (t.bounds.rows.softness[row.bounded].cfm_per_response > 0.0 &&
                                                           t.bounds.undamped_row[row.bounded] < 0);
-    if (row.loop >= 0)
-      for (int l = 0; l < t.loops.loops.count; ++l)
-        rounds.needs_responses = rounds.needs_responses || t.loops.loops[l].cfm_per_response > 0.0;
+    rounds.needs_responses = rounds.needs_responses || (row.loop >= 0 && has_soft_loops);
     rows.push_back(row);
   }
   rounds.slots = program.storage.keep(std::move(rows));
@@ -179,7 +182,12 @@ void lay_out_rounds(Program& program) {
   // Their matrix has A_r, and what slots and contacts fill in.
   std::vector<Slot> slots = slots_of(t);
   std::vector<std::vector<int>> together = contact_velocities(program);
-  for (const Slot& slot : slots) together.push_back(slot.velocities);
+  long entries = 0;
+  for (const Slot& slot : slots) {
+    together.push_back(slot.velocities);
+    entries += pair_count(slot.velocities.size());
+  }
+  require_room(program, entries, the_response_matrix);
   lay_out_matrix(program, together);
   t.rows.known_suffice = t.rows.known_suffice && slots.empty();  // slots need the softness of their rows
   lay_out_slots(program, std::move(slots));
@@ -192,8 +200,9 @@ void lay_out_rounds(Program& program) {
     row_of[static_cast<std::size_t>(velocity.back())] = r;
   }
   std::vector<LimitedServo> servos;
+  const Forms forms(program, t.reduction);
   for (int i = 0; i < t.limited_servos.count; ++i) {
-    servos.push_back(velocity_of(t, t.limited_servos[i]));
+    servos.push_back(servo_of(t, forms, t.limited_servos[i]));
     servos.back().velocity = rounds.place[servos.back().velocity];
   }
 

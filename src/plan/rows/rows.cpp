@@ -1,64 +1,12 @@
 // The couplings that a step solves, as rows over the solver's velocities. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
-#include <map>
-#include <set>
 
 #include "plan/layout.h"
+#include "plan/limits.h"
+#include "supports.h"
 
 namespace lockstep {
-
-void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form) {
-  form.tree = t.body[t.joint_body[joint]].tree;
-  if (!reduction.used()) {
-    form.terms[t.velocity_of(joint)].push_back({term, -1});
-    return;
-  }
-  for (int z = 0; z < reduction.independent.count; ++z)
-    if (reduction.independent[z] == t.velocity_of(joint)) form.terms[z].push_back({term, -1});
-  for (int f = 0; f < reduction.followers; ++f)
-    if (reduction.follower[f] == joint)
-      for (int s = reduction.start[f]; s < reduction.start[f + 1]; ++s)
-        form.terms[reduction.column[s]].push_back({term, s});
-}
-
-RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling) {
-  const Tables<double>& t = program.f64;
-  RowForm form{coupling, program.model.couplings[coupling].softness};
-  for (int f = 0; f < reduction.measured_coupling.count; ++f)
-    if (reduction.measured_coupling[f] == coupling) {
-      form.terms[reduction.constraint_velocity[f]] = {{-1, -1}};
-      form.tree = t.body[t.joint_body[reduction.follower[f]]].tree;
-      return form;
-    }
-  for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k)
-    add_joint(t, reduction, t.term_joint[k], k, form);
-  return form;
-}
-
-namespace {
-
-// Velocities that an impulse on the row moves: the row's terms and all their ancestors, as L^-T has them.
-std::vector<int> support_of(const RowForm& form, const Columns& columns) {
-  std::set<int> support;
-  for (const auto& [index, contributions] : form.terms)
-    for (int j = index; j >= 0; j = columns.parent[j]) support.insert(j);
-  return {support.begin(), support.end()};
-}
-
-std::vector<int> both(const std::vector<int>& a, const std::vector<int>& b) {
-  std::vector<int> common;
-  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(common));
-  return common;
-}
-std::vector<int> either(const std::vector<int>& a, const std::vector<int>& b) {
-  std::vector<int> all;
-  std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(all));
-  return all;
-}
-bool share_any(const std::vector<int>& a, const std::vector<int>& b) { return !both(a, b).empty(); }
-
-}  // namespace
 
 RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps) {
   const double dt = program.settings.dt;
@@ -92,17 +40,6 @@ RowSoftness<double> row_softness(const Program& program, const Softness& softnes
 
 namespace {
 
-// Adds ascending numbers as runs.
-void add_runs(const std::vector<int>& numbers, std::vector<SupportRun>& runs) {
-  const std::size_t first = runs.size();
-  for (int j : numbers) {
-    if (runs.size() > first && runs.back().last == j)
-      ++runs.back().last;
-    else
-      runs.push_back({j, j + 1});
-  }
-}
-
 // Adds ascending velocities, each with the end of those that are in its subtree.
 void add_support(const std::vector<int>& velocities, const Columns& columns, std::vector<SupportRange>& support) {
   for (int j : velocities) {
@@ -114,14 +51,14 @@ void add_support(const std::vector<int>& velocities, const Columns& columns, std
 // How many rows, from the r-th on, are worth computing side by side, and the velocities that they move. Side by side
 // each velocity takes less time, but a row then also computes velocities that it does not move. Rows of different
 // components stay apart: a row costs only its own trees.
-std::pair<int, std::vector<int>> widest_group(const std::vector<std::vector<int>>& supports,
-                                              const std::vector<int>& component, const std::vector<int>& order, int r) {
-  std::vector<int> moved = supports[order[r]];
+std::pair<int, std::vector<int>> widest_group(const std::vector<Support>& supports, const std::vector<int>& component,
+                                              int r) {
+  std::vector<int> moved = supports[r].velocities;
   std::size_t separate = moved.size();
   int count = 1;
-  for (; count < RowGroup::most && r + count < static_cast<int>(order.size()); ++count) {
-    const std::vector<int>& next = supports[order[r + count]];
-    if (component[order[r + count]] != component[order[r]]) break;
+  for (; count < RowGroup::most && r + count < static_cast<int>(supports.size()); ++count) {
+    const std::vector<int>& next = supports[r + count].velocities;
+    if (component[r + count] != component[r]) break;
     std::vector<int> all = either(moved, next);
     if (all.size() * (count + 1) >= 2 * (separate + next.size())) break;
     moved = std::move(all);
@@ -130,31 +67,38 @@ std::pair<int, std::vector<int>> widest_group(const std::vector<std::vector<int>
   return {count, std::move(moved)};
 }
 
+// How K is factored: rows that share a root have an entry. Returns the order of the rows.
+std::vector<int> order_rows(Program& program, const std::vector<Support>& supports, Rows<double>& rows) {
+  Pattern pattern(static_cast<int>(supports.size()));
+  RowsByRoot by_root = rows_by_root(supports);
+  for (auto& [root, together] : by_root) pattern.join_all(together);
+  const Elimination tree = elimination_tree(pattern);
+  require_room(program, entries_of(tree.parent), the_response_matrix);
+  rows.columns = make_columns(tree.parent, program.storage);
+  return tree.order;
+}
+
 }  // namespace
 
-Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored) {
+Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& unordered, const Columns& columns,
+                           bool factored) {
   const Tables<double>& t = program.f64;
-  const int count = static_cast<int>(forms.size());
-
-  // By row: what its impulse moves, and its component.
-  std::vector<std::vector<int>> supports;
-  std::vector<int> component;
-  for (const RowForm& form : forms) {
-    supports.push_back(support_of(form, columns));
-    component.push_back(components(t)[form.tree]);
-  }
+  const int count = static_cast<int>(unordered.size());
 
   // Factored rows are numbered by their elimination tree. Swept rows keep the model's order.
   Rows<double> rows;
+  std::vector<Support> moved_by = supports_of(program, unordered, columns);
   std::vector<int> order(count);
   for (int r = 0; r < count; ++r) order[r] = r;
-  if (factored) {
-    Pattern pattern(count, std::vector<char>(count, 0));
-    for (int r = 0; r < count; ++r)
-      for (int s = 0; s <= r; ++s) pattern[r][s] = share_any(supports[r], supports[s]);
-    const Elimination tree = elimination_tree(pattern);
-    order = tree.order;
-    rows.columns = make_columns(tree.parent, program.storage);
+  if (factored) order = order_rows(program, moved_by, rows);
+
+  // By row: what its impulse moves, and its component.
+  std::vector<Support> supports;
+  std::vector<int> component;
+  const std::vector<int> component_of = components(t);
+  for (const int r : order) {
+    supports.push_back(std::move(moved_by[r]));
+    component.push_back(component_of[unordered[r].tree]);
   }
 
   // Row by row: terms and what they consist of, what the row moves, its softness.
@@ -167,7 +111,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   const bool tgs = program.method == Method::tgs;
   const int substeps = tgs ? program.settings.iterations : 1;
   for (int r = 0; r < count; ++r) {
-    const RowForm& form = forms[order[r]];
+    const RowForm& form = unordered[order[r]];
     coupling.push_back(form.coupling);
     for (const auto& [index, shares] : form.terms) {
       double value = 0.0;
@@ -180,18 +124,19 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
       contribution_start.push_back(static_cast<int>(contributions.size()));
     }
     term_start.push_back(static_cast<int>(term_index.size()));
-    add_support(supports[order[r]], columns, support);
-    add_runs(supports[order[r]], runs);
+    add_support(supports[r].velocities, columns, support);
+    add_runs(supports[r].velocities, runs);
     run_start.push_back(static_cast<int>(runs.size()));
     support_start.push_back(static_cast<int>(support.size()));
     softness.push_back(row_softness(program, form.softness, program.length / substeps, substeps));
   }
 
   // Velocities that some row moves, and the others.
+  std::vector<char> is_moved(columns.n, 0);
+  for (const Support& own : supports)
+    for (const int z : own.velocities) is_moved[z] = 1;
   std::vector<int> moved_by_some, unmoved;
-  for (const std::vector<int>& moved : supports) moved_by_some = either(moved_by_some, moved);
-  for (int z = 0; z < columns.n; ++z)
-    if (!std::binary_search(moved_by_some.begin(), moved_by_some.end(), z)) unmoved.push_back(z);
+  for (int z = 0; z < columns.n; ++z) (is_moved[z] ? moved_by_some : unmoved).push_back(z);
   const auto runs_of = [&](const std::vector<int>& numbers) {
     std::vector<SupportRun> all;
     add_runs(numbers, all);
@@ -204,7 +149,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   std::vector<SupportRange> group_support;
   std::vector<SupportRun> group_runs;
   for (int r = 0; r < count;) {
-    const auto [members, moved] = widest_group(supports, component, order, r);
+    const auto [members, moved] = widest_group(supports, component, r);
     RowGroup group{r, members, false, static_cast<int>(group_support.size()), 0, static_cast<int>(group_runs.size()),
                    0};
     add_support(moved, columns, group_support);
@@ -215,52 +160,8 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
     r += members;
   }
 
-  // K in blocks, without those that are zero. Where K is swept, rows know their neighbours in it.
-  std::vector<RowBlock> blocks;
-  std::vector<SupportRun> block_runs;
-  std::vector<std::vector<int>> neighbours(count);
-  int entries = 0;
-  const auto moved_by_any = [&](int first, int number) {
-    std::vector<int> moved;
-    for (int r = first; r < first + number; ++r) moved = either(moved, supports[order[r]]);
-    return moved;
-  };
-  for (int row = 0; row < count; row += RowBlock::most_rows)
-    for (int column = 0; column < std::min(row + RowBlock::most_rows, count); column += RowBlock::most_columns) {
-      const int height = std::min(RowBlock::most_rows, count - row);
-      const int width = std::min(RowBlock::most_columns, row + height - column);
-      RowBlock block{row, height, column, width, static_cast<int>(block_runs.size()), 0, {}, {}};
-      bool any = false;
-      for (int i = 0; i < RowBlock::most_rows; ++i)
-        for (int k = 0; k < RowBlock::most_columns; ++k) {
-          block.entry[i][k] = block.mirror[i][k] = -1;
-          const int r = row + i, s = column + k;
-          if (i >= height || k >= width || s > r || !share_any(supports[order[r]], supports[order[s]])) continue;
-          any = true;
-          block.entry[i][k] = factored ? entry_of(rows.columns, r, s) : r * count + s;
-          block.mirror[i][k] = factored ? block.entry[i][k] : s * count + r;
-          ++entries;
-          if (factored) continue;
-          neighbours[r].push_back(s);
-          if (s != r) neighbours[s].push_back(r);
-        }
-      if (!any) continue;
-      add_runs(both(moved_by_any(row, height), moved_by_any(column, width)), block_runs);
-      block.run_last = static_cast<int>(block_runs.size());
-      blocks.push_back(block);
-    }
-
-  std::vector<int> neighbour_start{0};
-  std::vector<SupportRun> neighbour_runs;
-  for (std::vector<int>& list : neighbours) {
-    std::sort(list.begin(), list.end());
-    add_runs(list, neighbour_runs);
-    neighbour_start.push_back(static_cast<int>(neighbour_runs.size()));
-  }
-
   TableStorage& storage = program.storage;
   rows.count = count;
-  rows.response_entries = factored ? rows.columns.entries : count * count;
   rows.coupling = storage.keep(std::move(coupling));
   rows.term_start = storage.keep(std::move(term_start));
   rows.term_index = storage.keep(std::move(term_index));
@@ -271,15 +172,11 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   rows.support = storage.keep(std::move(support));
   rows.run_start = storage.keep(std::move(run_start));
   rows.runs = storage.keep(std::move(runs));
-  rows.dense = entries == (factored ? rows.columns.entries : count * (count + 1) / 2);
   rows.groups = storage.keep(std::move(groups));
   rows.group_support = storage.keep(std::move(group_support));
   rows.group_runs = storage.keep(std::move(group_runs));
-  rows.blocks = storage.keep(std::move(blocks));
-  rows.block_runs = storage.keep(std::move(block_runs));
-  rows.neighbour_start = storage.keep(std::move(neighbour_start));
-  rows.neighbours = storage.keep(std::move(neighbour_runs));
   rows.softness = storage.keep(std::move(softness));
+  lay_out_blocks(program, supports, factored, rows);
   return rows;
 }
 
@@ -310,6 +207,7 @@ std::vector<bool> matrix_holds_more(const Program& program, const std::vector<in
 std::vector<int> find_undamped(const Program& program, const std::vector<RowForm>& forms,
                                std::vector<RowForm>& undamped, const std::vector<int>& joint) {
   std::vector<int> place;
+  const Forms over_all(program, {});
   const std::vector<int> component = components(program.f64);
   const std::vector<bool> more = matrix_holds_more(program, component);
   for (std::size_t r = 0; r < forms.size(); ++r) {
@@ -318,9 +216,9 @@ std::vector<int> find_undamped(const Program& program, const std::vector<RowForm
     if (!by_frequency) continue;
     RowForm form{forms[r].coupling, forms[r].softness};  // over all velocities
     if (form.coupling >= 0)
-      form = coupling_form(program, {}, form.coupling);
+      form = over_all.of_coupling(form.coupling);
     else
-      add_joint(program.f64, {}, joint[r], -1, form);
+      over_all.add_joint(joint[r], -1, form);
     undamped.push_back(std::move(form));
   }
   return place;
@@ -333,6 +231,7 @@ void lay_out_rows(Program& program) {
   const bool factored = program.method == Method::direct || program.method == Method::reduced;
 
   // Couplings that are left to solve: neither absent, redundant, eliminated nor bounded.
+  const Forms over_solver(program, t.reduction);
   std::vector<RowForm> forms;
   bool any_hard = false;
   for (int c = 0; c < t.couplings; ++c) {
@@ -340,24 +239,25 @@ void lay_out_rows(Program& program) {
     if (is_absent(program, c) || takes_no_impulse(program, c) || coupling.force_limit < infinity) continue;
     if (program.method == Method::reduced && always_hard(program, c)) continue;
     any_hard |= is_hard(coupling.softness) || declared(program, Parameter::softness);
-    forms.push_back(coupling_form(program, t.reduction, c));
+    forms.push_back(over_solver.of_coupling(c));
   }
 
   // Rows of a component follow each other, so that they are grouped and numbered as they are without the others.
   const std::vector<int> component = components(t);
   std::stable_sort(forms.begin(), forms.end(),
                    [&](const RowForm& a, const RowForm& b) { return component[a.tree] < component[b.tree]; });
-  const auto folded = std::stable_partition(forms.begin(), forms.end(), [&](const RowForm& form) {
-    return std::find(program.folded.begin(), program.folded.end(), form.coupling) == program.folded.end();
-  });
+  std::vector<char> folds(t.couplings, 0);
+  for (const int c : program.folded) folds[c] = 1;
+  const auto folded =
+      std::stable_partition(forms.begin(), forms.end(), [&](const RowForm& form) { return folds[form.coupling] == 0; });
+  if (const long count = folded - forms.begin(); !factored) require_room(program, count * count, the_response_matrix);
   t.rows = lay_out_forms(program, {forms.begin(), folded}, t.solver, factored);
   t.folded = lay_out_forms(program, {folded, forms.end()}, t.solver, false);
   lay_out_folding(program);
 
   // Bounds, and rows whose frequency refers to the undamped inertia (M28).
   std::vector<RowForm> undamped, ordered;  // ordered: as the elimination tree numbers them
-  for (int i = 0; i < t.impulse_coupling.count; ++i)
-    ordered.push_back(coupling_form(program, t.reduction, t.impulse_coupling[i]));
+  for (int i = 0; i < t.impulse_coupling.count; ++i) ordered.push_back(over_solver.of_coupling(t.impulse_coupling[i]));
   t.undamped_row = program.storage.keep(find_undamped(program, ordered, undamped, {}));
   const BoundForms bounds = lay_out_bounds(program);
   t.bounds.undamped_row = program.storage.keep(find_undamped(program, bounds.forms, undamped, bounds.joint));
