@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "by_name.h"
 #include "loops.h"
 #include "rules.h"
 
@@ -111,13 +112,17 @@ Eigen::RowVectorXd length_jacobian(const Model& model, const Trees& trees, const
 }
 
 void place_tendons(Model& model) {
+  const ByName joints(model.joints);
+  const auto joint_of = [&](const std::string& name) -> Joint& {
+    return model.joints[static_cast<std::size_t>(joints.find(name))];
+  };
   for (const Coupling& coupling : model.couplings) {
-    if (!tendon_of(coupling, model)) continue;
-    Joint& tendon = model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))];
+    Joint& tendon = joint_of(coupling.joint);
+    if (tendon.kind != JointKind::tendon) continue;
     tendon.position = -coupling.offset;
     tendon.velocity = 0.0;
     for (const CouplingTerm& term : coupling.terms) {
-      const Joint& joint = model.joints[static_cast<std::size_t>(model.joint_index(term.joint))];
+      const Joint& joint = joint_of(term.joint);
       tendon.position -= term.ratio * joint.position;
       tendon.velocity -= term.ratio * joint.velocity;
     }

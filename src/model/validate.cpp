@@ -6,6 +6,7 @@
 #include <set>
 #include <unordered_map>
 
+#include "by_name.h"
 #include "contact_pairs.h"
 #include "functions.h"
 #include "inertia.h"
@@ -212,6 +213,10 @@ void proper_ball(const Model& model, std::size_t j) {
 
 // Nothing else hangs on the links between the parts, which have no mass of their own.
 void proper_links_of_balls(const Model& model, const Trees& trees) {
+  std::set<string> bearers;
+  for (const Site& site : model.sites) bearers.insert(site.link);
+  for (const Collider& collider : model.colliders) bearers.insert(collider.link);
+  for (const Loop& loop : model.loops) bearers.insert({loop.first, loop.second});
   for (std::size_t l = 0; l < model.links.size(); ++l) {
     const int own = trees.parent_joint[l];
     if (own < 0 || model.joints[static_cast<std::size_t>(own)].kind != JointKind::ball ||
@@ -222,13 +227,8 @@ void proper_links_of_balls(const Model& model, const Trees& trees) {
             "hang them on the ball's child");
     require(model.links[l].inertia.mass == 0.0 && model.links[l].inertia.about_center.isZero(0.0), element,
             "is within a ball joint, and has a mass or an inertia", "give them to the ball's child");
-    const auto bears = [&](const string& link) { return link == model.links[l].name; };
-    require(std::none_of(model.sites.begin(), model.sites.end(), [&](const Site& site) { return bears(site.link); }) &&
-                std::none_of(model.colliders.begin(), model.colliders.end(),
-                             [&](const Collider& collider) { return bears(collider.link); }) &&
-                std::none_of(model.loops.begin(), model.loops.end(),
-                             [&](const Loop& loop) { return bears(loop.first) || bears(loop.second); }),
-            element, "is within a ball joint, and bears a site, a collider or a loop", "let the ball's child bear it");
+    require(bearers.count(model.links[l].name) == 0, element,
+            "is within a ball joint, and bears a site, a collider or a loop", "let the ball's child bear it");
   }
 }
 
@@ -330,10 +330,11 @@ void proper_coupling(const JointsByName& joints, const Coupling& coupling, const
 }
 
 void one_coupling_each(const Model& model) {
+  std::unordered_map<string, int> couplings;  // by follower
+  for (const Coupling& coupling : model.couplings) ++couplings[coupling.joint];
   for (const Joint& joint : model.joints) {
     if (joint.kind != JointKind::tendon) continue;
-    const auto followed = std::count_if(model.couplings.begin(), model.couplings.end(),
-                                        [&](const Coupling& coupling) { return coupling.joint == joint.name; });
+    const int followed = couplings[joint.name];
     require(!is_spatial(joint) || followed == 0, quoted("joint", joint.name),
             "is a tendon with a path, and yet follows a coupling", "leave the path empty, or remove the coupling");
     require(is_spatial(joint) || followed == 1, quoted("joint", joint.name),
@@ -342,8 +343,8 @@ void one_coupling_each(const Model& model) {
   }
 }
 
-void proper_site(const Model& model, const Site& site) {
-  model.link_index(site.link);
+void proper_site(const Model& model, const ByName& links, const Site& site) {
+  if (links.find(site.link) < 0) model.link_index(site.link);  // which throws
   rigid(site.pose, quoted("site", site.name), "pose");
 }
 
@@ -395,7 +396,8 @@ void judge(const Model& model, const Attempt& attempt) {
   for (const Joint& joint : model.joints)
     if (is_spatial(joint)) attempt([&] { proper_path(model, *trees, joint); });
   for (const Loop& loop : model.loops) attempt([&] { proper_loop(model, *trees, loop); });
-  for (const Site& site : model.sites) attempt([&] { proper_site(model, site); });
+  const ByName links(model.links);
+  for (const Site& site : model.sites) attempt([&] { proper_site(model, links, site); });
   attempt([&] { contact_pairs(model, *trees); });
   for (const Root& root : model.roots) attempt([&] { proper_root(root); });
   for (const NamedPose& pose : model.poses) attempt([&] { proper_pose(model, pose); });

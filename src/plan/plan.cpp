@@ -60,25 +60,30 @@ int find(const Elements& elements, const std::string& wanted, Name name, const c
 
 int Plan::dof(const std::string& joint) const {
   return find(
-      program_->dof_names, joint, [](const std::string& n) { return n; }, "dof", "see Plan::dof_names()");
+      program_->dof_names, joint, [](const std::string& n) -> const std::string& { return n; }, "dof",
+      "see Plan::dof_names()");
 }
 int Plan::link(const std::string& wanted) const {
   return find(
-      program_->model.links, wanted, [](const Link& l) { return l.name; }, "link", "see Model::links");
+      program_->model.links, wanted, [](const Link& l) -> const std::string& { return l.name; }, "link",
+      "see Model::links");
 }
 int Plan::site(const std::string& wanted) const {
   return find(
-      program_->model.sites, wanted, [](const Site& s) { return s.name; }, "site", "see Model::sites");
+      program_->model.sites, wanted, [](const Site& s) -> const std::string& { return s.name; }, "site",
+      "see Model::sites");
 }
 
 int Plan::pose(const std::string& wanted) const {
   return find(
-      program_->model.poses, wanted, [](const NamedPose& p) { return p.name; }, "pose", "see Model::poses");
+      program_->model.poses, wanted, [](const NamedPose& p) -> const std::string& { return p.name; }, "pose",
+      "see Model::poses");
 }
 
 int Plan::contact(const std::string& wanted) const {
   return find(
-      program_->plan_contacts, wanted, [](const PlanContact& c) { return c.name; }, "contact", "see Plan::contacts()");
+      program_->plan_contacts, wanted, [](const PlanContact& c) -> const std::string& { return c.name; }, "contact",
+      "see Plan::contacts()");
 }
 
 const std::vector<std::string>& Plan::parameter_row_names(Parameter parameter) const {

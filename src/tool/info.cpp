@@ -47,8 +47,8 @@ std::string words_of(const Following& follows, const Plan& plan) {
 }
 
 // A joint: its bounds and drive, what it follows, and what its followers leave of its range.
-std::string line_of(const Joint& joint, const Plan& plan, const Range& held, const Range& usable) {
-  const std::string unit = view::unit_of(plan.model(), joint.name);
+std::string line_of(const Joint& joint, int dof, const Plan& plan, const Range& held, const Range& usable) {
+  const std::string unit = view::unit_of(plan.model(), joint);
   std::string line = fmt::format("  {}: {}", joint.name, name_of(joint.kind));
   if (joint.lower > -infinity || joint.upper < infinity) {
     const auto* slack = joint.kind == JointKind::tendon ? std::get_if<Spring>(&joint.limit_softness) : nullptr;
@@ -65,7 +65,7 @@ std::string line_of(const Joint& joint, const Plan& plan, const Range& held, con
   if (joint.drive.kinematic) line += ", kinematic drive";
   if (joint.drive.kp > 0.0 || joint.drive.kd > 0.0)
     line += fmt::format(", servo kp {:.6g} kd {:.6g}", joint.drive.kp, joint.drive.kd);
-  const Following& follows = plan.following(plan.dof(joint.name));
+  const Following& follows = plan.following(dof);
   if (!follows.leaders.empty()) line += "; follows " + words_of(follows, plan);
   if (usable == held) return line;
   line += usable.lower < usable.upper    ? "; followers leave " + words_of(usable.lower, usable.upper, unit)
@@ -80,10 +80,11 @@ std::string line_of(const Joint& joint, const Plan& plan, const Range& held, con
 std::string joint_lines(const Plan& plan) {
   const std::vector<Range> held = held_ranges(plan), usable = usable_ranges(plan);
   std::string text = "Joints:\n";
+  int dof = 0;  // dofs are the joints that move
   for (const Joint& joint : plan.model().joints)
     if (joint.moves()) {
-      const int dof = plan.dof(joint.name);
-      text += line_of(joint, plan, held[dof], usable[dof]) + '\n';
+      text += line_of(joint, dof, plan, held[dof], usable[dof]) + '\n';
+      ++dof;
     }
   for (const Site& site : plan.model().sites) text += fmt::format("  site {} on {}\n", site.name, site.link);
   return text;

@@ -9,10 +9,14 @@ namespace lockstep::tool {
 std::vector<Range> held_ranges(const Plan& plan) {
   const std::set<std::string> rows(plan.row_names().begin(), plan.row_names().end());
   std::vector<Range> ranges(static_cast<std::size_t>(plan.dofs()));
-  for (const Joint& joint : plan.model().joints)
-    if (joint.moves() && (joint.kind != JointKind::tendon || is_hard(joint.limit_softness)) &&
+  std::size_t dof = 0;
+  for (const Joint& joint : plan.model().joints) {
+    if (!joint.moves()) continue;
+    if ((joint.kind != JointKind::tendon || is_hard(joint.limit_softness)) &&
         rows.count("position limit " + joint.name) > 0)
-      ranges[plan.dof(joint.name)] = {joint.lower, joint.upper, "", ""};
+      ranges[dof] = {joint.lower, joint.upper, "", ""};
+    ++dof;
+  }
   return ranges;
 }
 

@@ -6,11 +6,14 @@
 namespace lockstep::view {
 
 std::string unit_of(const Model& model, const std::string& joint) {
-  const Joint& own = model.joints[static_cast<std::size_t>(model.joint_index(joint))];
+  return unit_of(model, model.joints[static_cast<std::size_t>(model.joint_index(joint))]);
+}
+
+std::string unit_of(const Model& model, const Joint& own) {
   if (!own.path.empty()) return "m";
   if (own.kind != JointKind::tendon) return own.kind == JointKind::prismatic ? "m" : "rad";
   const auto coupling = std::find_if(model.couplings.begin(), model.couplings.end(),
-                                     [&](const Coupling& candidate) { return candidate.joint == joint; });
+                                     [&](const Coupling& candidate) { return candidate.joint == own.name; });
   return unit_of(model, coupling->terms.front().joint);
 }
 

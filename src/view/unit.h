@@ -9,5 +9,6 @@ namespace lockstep::view {
 
 /// Of a joint's position: "m" or "rad". A tendon has the unit of its first joint.
 std::string unit_of(const Model& model, const std::string& joint);
+std::string unit_of(const Model& model, const Joint& joint);
 
 }  // namespace lockstep::view
