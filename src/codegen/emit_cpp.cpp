@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <map>
 #include <set>
 #include <stdexcept>
 
@@ -163,11 +164,16 @@ class Writer {
 
   void sine_and_cosine(Id id, const Item& item, int indent) {
     const Node& node = nodes_[id];
+    if (turning_in_ != &item) {
+      turning_in_ = &item;
+      turning_.clear();
+      for (Id candidate : item.nodes)
+        if (nodes_[candidate].op == Op::sine || nodes_[candidate].op == Op::cosine)
+          turning_[nodes_[candidate].operand[0]].push_back(candidate);
+    }
     Id other = -1;
-    for (Id candidate : item.nodes)
-      if (candidate != id && (nodes_[candidate].op == Op::sine || nodes_[candidate].op == Op::cosine) &&
-          nodes_[candidate].operand[0] == node.operand[0])
-        other = candidate;
+    for (Id candidate : turning_[node.operand[0]])
+      if (candidate != id) other = candidate;
     const Id sine = node.op == Op::sine ? id : other, cosine = node.op == Op::sine ? other : id;
     defined_.insert(sine), defined_.insert(cosine);
     defines(indent, sine), defines(indent, cosine);
@@ -254,6 +260,8 @@ class Writer {
   std::map<Id, std::string> given_;   // names
   std::map<std::string, int> taken_;  // by name: how many nodes have it
   std::set<Id> defined_;
+  const Item* turning_in_ = nullptr;
+  std::map<Id, std::vector<Id>> turning_;  // by angle: sines and cosines of that item
   std::vector<Definition> defined_next_;
   int open_ = 0;  // braces
   bool one_block_ = false, begun_ = false;

@@ -8,6 +8,7 @@
 #include "lockstep/error.h"
 #include "model/by_name.h"
 #include "plan/layout.h"
+#include "plan/parts.h"
 
 namespace lockstep {
 namespace {
@@ -122,6 +123,30 @@ std::pair<int, double> largest_of(const std::map<int, double>& row) {
   return largest;
 }
 
+// By coupling, whether it may follow from others. It does not where each of those that share joints, directly or
+// through others, holds a joint that none before it has: elimination leaves that one's number as it is.
+std::vector<char> may_follow(const Program& program, const std::vector<int>& couplings) {
+  const Tables<double>& t = program.f64;
+  Parts parts(t.joints);
+  std::vector<char> seen(t.joints, 0), repeats(t.couplings, 0), in_part(t.joints, 0), result(t.couplings, 0);
+  for (const int c : couplings) {
+    double scale = 0.0, largest_new = 0.0;
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) {
+      const int joint = t.term_joint[k];
+      scale = std::max(scale, std::abs(t.term_value[k]));
+      if (!seen[joint]) largest_new = std::max(largest_new, std::abs(t.term_value[k]));
+      seen[joint] = 1;
+      parts.join(t.term_joint[t.term_start[c]], joint);
+    }
+    repeats[c] = !(largest_new > rank_tolerance * scale);
+  }
+  const auto part_of = [&](int c) { return parts.of(t.term_joint[t.term_start[c]]); };
+  for (const int c : couplings)
+    if (repeats[c]) in_part[part_of(c)] = 1;
+  for (const int c : couplings) result[c] = in_part[part_of(c)];
+  return result;
+}
+
 }  // namespace
 
 // Gaussian elimination of the hard rows in the model's order. Each row keeps a record of the rows that it came from.
@@ -130,9 +155,12 @@ void find_redundant_couplings(Program& program) {
   const std::vector<std::string> names = coupling_names(program.model);
   std::vector<Reduced> basis;
   std::vector<int> place(t.joints, -1);  // by joint: of the row whose pivot it is
-  for (int c = 0; c < t.couplings; ++c) {
-    // Nothing else places a tendon or a curved follower.
-    if (!always_hard(program, c) || places_tendon(t, c) || is_curved(program, c)) continue;
+  std::vector<int> hard;                 // nothing else places a tendon or a curved follower
+  for (int c = 0; c < t.couplings; ++c)
+    if (always_hard(program, c) && !places_tendon(t, c) && !is_curved(program, c)) hard.push_back(c);
+  const std::vector<char> may = may_follow(program, hard);
+  for (const int c : hard) {
+    if (!may[c]) continue;
 
     // The row less what earlier rows say already. What they add are pivots of later ones.
     Reduced r{c, {}, t.offset[c], 0, {}};

@@ -58,14 +58,14 @@ bool substitute(Form& form, int known, const Form& by) {
   const auto share = form.shares.find(known);
   if (share == form.shares.end()) return false;
   const double times = share->second;
-  std::map<int, Sum> shares, parts;
   form.shares.erase(share);
+  form.offset += times * by.offset;
+  std::map<int, Sum> shares, parts;
   add_times(shares, form.shares, 1.0);
   add_times(shares, by.shares, times);
   add_times(parts, form.parts, 1.0);
   add_times(parts, by.parts, times);
   form.shares = left_of(shares), form.parts = left_of(parts);
-  form.offset += times * by.offset;
   return true;
 }
 
@@ -199,9 +199,8 @@ std::vector<char> locking(const Program& program, const Choice& hard) {
 }
 
 // Joints that hard couplings leave one position, together with those that the same couplings lock.
-std::vector<LockedJoints> locked_by(const Program& program) {
-  const std::vector<char> locks =
-      locking(program, choose(program, false, [&](int c) { return always_hard(program, c); }));
+std::vector<LockedJoints> locked_by(const Program& program, const Choice& by_hard) {
+  const std::vector<char> locks = locking(program, by_hard);
   const Choice hard = choose(program, true, [&](int c) { return locks[c] != 0; });
   std::vector<std::pair<int, const Form*>> locked;
   for (const auto& [joint, form] : hard.forms)
@@ -241,9 +240,14 @@ void choose_followers(Program& program) {
 
   // Followers of all couplings, of those that may be hard, and of those that always are.
   const Choice all = choose(program, false, [](int) { return true; });
+  const auto choice_of = [&](const auto& takes) {
+    bool takes_all = true;
+    for (int c = 0; c < t.couplings; ++c) takes_all = takes_all && takes(c);
+    return takes_all ? all : choose(program, false, takes);
+  };
   program.placing_all = placing_of(program, all);
-  program.placing_hard = placing_of(program, choose(program, false, may_be_hard));
-  program.locked = locked_by(program);
+  program.placing_hard = placing_of(program, choice_of(may_be_hard));
+  program.locked = locked_by(program, choice_of([&](int c) { return always_hard(program, c); }));
 
   // What users see: followers in the order of placing, and what they follow.
   program.following.resize(t.joints);
