@@ -3,8 +3,8 @@
 
     python3 bench/growth.py [--lockstep build/release/src/tool/lockstep] [--most 4000] [KIND ...]
 
-Writes models of several kinds and sizes, and prints the CPU seconds of each and the ratio to half its size. A size that is
-refused says so. SPDX-License-Identifier: Apache-2.0
+Writes models of several kinds and sizes, and prints the CPU seconds of each and the ratio to half its size. A size that
+is refused says so. SPDX-License-Identifier: Apache-2.0
 """
 import argparse
 import pathlib
@@ -36,7 +36,8 @@ def star(n, limit=False, follows=lambda i: None):
 
 def grippers(n):
     """A joint that carries two fingers, which follow each other: three joints each."""
-    return "".join(joint(i, "base" if i % 3 == 0 else f"l{i - i % 3}", True, i - 1 if i % 3 == 2 else None) for i in range(n))
+    return "".join(joint(i, "base" if i % 3 == 0 else f"l{i - i % 3}", True, i - 1 if i % 3 == 2 else None)
+                   for i in range(n))
 
 
 def urdf(body):

@@ -54,17 +54,17 @@ std::string refusal_of(const Model& model) {
   return "none";
 }
 
-TEST(Sizes, PlainChainsNeedNoMatrix) {
+TEST(Sizes, plain_chains_need_no_matrix) {
   const Plan plan = compile(mechanism(20000, false, on_the_one_before), {});
   EXPECT_EQ(plan.dofs(), 20000);
 }
 
-TEST(Sizes, ChainsWithLimitsCompileUpToTheRoomOfAMatrix) {
+TEST(Sizes, chains_with_limits_compile_up_to_the_room_of_a_matrix) {
   EXPECT_EQ(compile(mechanism(1000, true, on_the_one_before), {}).row_names().size(), 1000u);
   EXPECT_NE(refusal_of(mechanism(20000, true, on_the_one_before)).find("more than 2097152"), std::string::npos);
 }
 
-TEST(Sizes, RefusalsNameTheMatrixItsEntriesAndItsMemory) {
+TEST(Sizes, refusals_name_the_matrix_its_entries_and_its_memory) {
   StepSettings settings;
   settings.method = Method::pgs;
   try {
@@ -80,7 +80,7 @@ TEST(Sizes, RefusalsNameTheMatrixItsEntriesAndItsMemory) {
   }
 }
 
-TEST(Sizes, ManySmallTreesCompile) {
+TEST(Sizes, many_small_trees_compile) {
   const auto gripper = [](int i) { return i % 3 == 0 ? nobody : i - i % 3; };
   const auto fingers = [](int i) { return i % 3 == 2 ? i - 1 : nobody; };
   const Plan plan = compile(mechanism(6000, true, gripper, fingers), {});
@@ -88,12 +88,12 @@ TEST(Sizes, ManySmallTreesCompile) {
   EXPECT_NE(plan.describe().find("6000 moving joints, 2000 couplings"), std::string::npos);
 }
 
-TEST(Sizes, ManyFollowersOfOneLeaderCompile) {
+TEST(Sizes, many_followers_of_one_leader_compile) {
   const Plan plan = compile(mechanism(4000, true, on_base, the_first), {});
   EXPECT_EQ(plan.independent_dofs(), std::vector<int>{0});
 }
 
-TEST(Sizes, ChainsOfFollowersCompileUpToTheRoomOfTheirElimination) {
+TEST(Sizes, chains_of_followers_compile_up_to_the_room_of_their_elimination) {
   EXPECT_EQ(compile(mechanism(1000, false, on_base, the_one_before), {}).eliminated_dofs().size(), 999u);
   EXPECT_NE(refusal_of(mechanism(20000, false, on_base, the_one_before)).find("the elimination of its followers"),
             std::string::npos);
