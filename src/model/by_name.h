@@ -24,4 +24,9 @@ class ByName {
   std::unordered_map<std::string, int> numbers_;
 };
 
+/// What coupling_names() calls the count-th coupling of a joint.
+inline std::string coupling_name(const std::string& joint, int count) {
+  return count == 1 ? joint : joint + "#" + std::to_string(count);
+}
+
 }  // namespace lockstep

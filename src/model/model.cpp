@@ -85,10 +85,8 @@ std::vector<std::string> Model::end_colliders() const {
 std::vector<std::string> coupling_names(const Model& model) {
   std::vector<std::string> names;
   std::map<std::string, int> seen;
-  for (const Coupling& coupling : model.couplings) {
-    const int count = ++seen[coupling.joint];
-    names.push_back(count == 1 ? coupling.joint : coupling.joint + "#" + std::to_string(count));
-  }
+  for (const Coupling& coupling : model.couplings)
+    names.push_back(coupling_name(coupling.joint, ++seen[coupling.joint]));
   return names;
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "lockstep/error.h"
+#include "model/by_name.h"
 #include "model/functions.h"
 
 namespace lockstep::importer::mjcf {
@@ -15,7 +16,9 @@ namespace {
 class Coupler {
  public:
   Coupler(const Scene& scene, Draft& draft)
-      : scene_(scene), draft_(draft), rows_(scene.equalities), curves_(scene.curves) {}
+      : scene_(scene), draft_(draft), joints_(draft.model.joints), rows_(scene.equalities), curves_(scene.curves) {
+    for (const Coupling& coupling : draft.model.couplings) ++couplings_[coupling.joint];
+  }
 
   Ties couple() {
     while (lock_one() || straighten_one()) {
@@ -28,8 +31,7 @@ class Coupler {
 
  private:
   Joint& joint(int index) {
-    Model& model = draft_.model;
-    return model.joints[static_cast<std::size_t>(model.joint_index(scene_.joint(index).name))];
+    return draft_.model.joints[static_cast<std::size_t>(joints_.find(scene_.joint(index).name))];
   }
 
   // Without joints that stand still and terms without effect.
@@ -107,8 +109,8 @@ class Coupler {
   }
 
   void add(Coupling coupling, const std::string& place) {
+    draft_.places[fmt::format("coupling '{}'", coupling_name(coupling.joint, ++couplings_[coupling.joint]))] = place;
     draft_.model.couplings.push_back(std::move(coupling));
-    draft_.places[fmt::format("coupling '{}'", coupling_names(draft_.model).back())] = place;
   }
 
   void add(const Equality& row) {
@@ -173,6 +175,8 @@ class Coupler {
 
   const Scene& scene_;
   Draft& draft_;
+  const ByName joints_;
+  std::map<std::string, int> couplings_;  // by follower
   std::vector<Equality> rows_;
   std::vector<Curve> curves_;
   std::map<int, double> still_;  // positions by joint

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace lockstep::importer::mjcf {
 namespace {
@@ -42,7 +43,15 @@ Ties::Added Ties::add(const Form& form) {
   for (const auto& term : left.terms)
     if (term.first != joint) solved.add(term.first, -term.second / pivot->second);
   tied_[joint] = solved;
-  for (auto& [other, own] : tied_) own = reduced(own);
+  // Forms with the joint are reduced, and those of the last time once more: their rounding is known then.
+  std::set<int> again = std::exchange(changed_, with_[joint]);
+  again.insert(changed_.begin(), changed_.end());
+  again.insert(joint);
+  for (const int other : again) {
+    Form& own = tied_.at(other);
+    own = reduced(own);
+    for (const auto& term : own.terms) with_[term.first].insert(other);
+  }
   return Added::ties;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <vector>
 
 #include "scene.h"
@@ -20,7 +21,9 @@ class Ties {
   const std::map<int, Form>& tied() const { return tied_; }
 
  private:
-  std::map<int, Form> tied_;  // by joint
+  std::map<int, Form> tied_;           // by joint
+  std::map<int, std::set<int>> with_;  // by joint: tied ones whose forms have it, or have had it
+  std::set<int> changed_;              // tied ones that the last addition changed
 };
 
 }  // namespace lockstep::importer::mjcf
