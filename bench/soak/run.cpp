@@ -103,7 +103,7 @@ class Run {
       } catch (const UsageError&) {  // a rule about several rows, or whole numbers, may not take such a factor
       }
     }
-    batch_.reset_random(which, {.spread = motion_.spread, .speed = motion_.speed});
+    unmet_ |= !batch_.reset_random(which, {.spread = motion_.spread, .speed = motion_.speed}).empty();
     if (gentle_) gentle().starts += static_cast<std::uint64_t>(count);
   }
 
@@ -193,7 +193,7 @@ class Run {
     for (std::size_t c = 0; c < model.couplings.size(); ++c) {
       const Coupling& coupling = model.couplings[c];
       const std::vector<int>& eliminated = plan_.eliminated_dofs();
-      const bool holds = plan_.method() == Method::reduced && is_hard(coupling.softness) &&
+      const bool holds = !unmet_ && plan_.method() == Method::reduced && is_hard(coupling.softness) &&
                          coupling.force_limit == infinity && model.loops.empty() &&
                          std::find(eliminated.begin(), eliminated.end(), plan_.dof(coupling.joint)) != eliminated.end();
       for (int e = 0; holds && e < environments(); ++e)
@@ -232,6 +232,7 @@ class Run {
   const Plan& plan_;
   std::uint64_t seed_;
   bool gentle_, told_ = false;
+  bool unmet_ = false;  // couplings contradict each other, so a reset cannot place all followers
   Motion motion_;
   Random random_;
   Batch<S> batch_;

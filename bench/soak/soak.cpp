@@ -70,8 +70,7 @@ int main(int argc, char** argv) {
       }
     }
     for (const std::string& failure : totals.failures) fmt::print("FAILED {}\n", failure);
-    if (*one)
-      for (const std::string& reason : totals.reasons) fmt::print("{}\n", reason);
+    if (*one) fmt::print("{}", soak::to_json(totals));
     std::uint64_t refused = 0;
     for (const auto& [code, count] : totals.refused) refused += count;
     fmt::print("{} models, {} refused, {:.4g} environment-steps, {:.0f} s of CPU, {} failures\n", totals.models,

@@ -45,6 +45,8 @@ void Totals::add(const Totals& other) {
   add_words(reasons, other.reasons), add_words(failures, other.failures);
 }
 
+std::string to_json(const Totals& totals) { return nlohmann::json(totals).dump(1) + '\n'; }
+
 Totals load(const std::string& path) {
   std::ifstream file(path);
   try {
@@ -57,7 +59,7 @@ Totals load(const std::string& path) {
 void save(const Totals& totals, const std::string& path) {
   const std::string unfinished = path + ".new";
   std::ofstream file(unfinished);
-  file << nlohmann::json(totals).dump(1) << '\n';
+  file << to_json(totals);
   file.close();
   if (!file || std::rename(unfinished.c_str(), path.c_str()) != 0)
     throw std::runtime_error(path + ": cannot be written; see the space and the permissions there");

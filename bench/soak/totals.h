@@ -48,6 +48,8 @@ struct Totals {
   void add(const Totals& other);
 };
 
+std::string to_json(const Totals& totals);
+
 /// Throws std::runtime_error for a file that save() has not written.
 Totals load(const std::string& path);
 void save(const Totals& totals, const std::string& path);

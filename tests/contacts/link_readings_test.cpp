@@ -1,6 +1,9 @@
 // Readings by link: twists and gravity in its own axes, contact forces summed. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
+
 #include "contact_scenes.h"
 
 namespace lockstep {
@@ -129,6 +132,50 @@ TEST(LinkReadings, sum_contact_forces_by_link_even_where_links_are_one_body) {
     EXPECT_TRUE((answer(batch, {Quantity::link_contact_force}) == 0.0).all());
     EXPECT_TRUE((answer(batch, {Quantity::link_contacts}) == 0.0).all());
   }
+}
+
+// A ball over a slope of 0.1 along the world's x, and a box in it.
+Model above_a_slope() {
+  Model model;
+  model.name = "above_a_slope";
+  add_free(model, "ball", {1.0, Vector3d::Zero(), 1e-3 * Eigen::Matrix3d::Identity()}, Shape::sphere(0.05), {0, 0, 1.5},
+           0.5);
+  const Eigen::RowVectorXd along = Eigen::RowVectorXd::LinSpaced(13, -0.3, 0.3);
+  model.colliders.push_back({.name = "slope", .shape = Shape::height_field(along.replicate(9, 1), 6.0, 6.0)});
+  model.colliders.push_back({.name = "box", .shape = Shape::box({0.5, 0.4, 0.8}), .pose = at({0.8, 0.3, 0.0})});
+  model.contacts = {{"slope", "ball"}, {"box", "ball"}};
+  return model;
+}
+
+// The link leans, and the points turn by its yaw alone. There are more of them than one call of a kernel takes.
+TEST(HeightScan, is_how_high_the_link_is_above_the_ground_at_each_point) {
+  Batch<double> batch(compile(above_a_slope()), environments, {.threads = 1});
+  constexpr int points = 75;
+  Query scan{Quantity::height_scan, {batch.plan().link("ball")}};
+  for (int i = 0; i < points; ++i) scan.points.push_back({0.02 * i * std::cos(i), 0.02 * i * std::sin(i)});
+  scan.points.push_back({100.0, 0.0});  // beyond the slope
+  const auto yaw_of = [](int e) { return 0.4 + 1.1 * e; };
+  for (int e = 0; e < environments; ++e) {
+    const Eigen::Quaterniond turn = Eigen::AngleAxisd(yaw_of(e), Vector3d::UnitZ()) *
+                                    Eigen::AngleAxisd(0.4, Vector3d::UnitY()) *
+                                    Eigen::AngleAxisd(-0.3, Vector3d::UnitX());
+    batch.root_poses().col(e) << 0.1 * e, -0.2, 1.5 + 0.1 * e, turn.w(), turn.x(), turn.y(), turn.z();
+  }
+  const Array found = answer(batch, scan);
+  ASSERT_EQ(found.rows(), points + 1);
+  int on_box = 0;
+  for (int e = 0; e < environments; ++e) {
+    const double c = std::cos(yaw_of(e)), s = std::sin(yaw_of(e));
+    for (int i = 0; i < points; ++i) {
+      const auto [ahead, left] = scan.points[static_cast<std::size_t>(i)];
+      const double x = 0.1 * e + c * ahead - s * left, y = -0.2 + s * ahead + c * left;
+      const bool is_on_box = std::abs(x - 0.8) < 0.25 && std::abs(y - 0.3) < 0.2;
+      EXPECT_NEAR(found(i, e), 1.5 + 0.1 * e - (is_on_box ? 0.4 : 0.1 * x), 1e-12) << i << " " << e;
+      on_box += is_on_box;
+    }
+    EXPECT_EQ(found(points, e), std::numeric_limits<double>::infinity());
+  }
+  EXPECT_GE(on_box, environments);
 }
 
 }  // namespace

@@ -91,6 +91,19 @@ TEST_P(DriveEffort, has_the_peak_and_the_mean_of_a_call) {
   EXPECT_EQ(read(whole, Quantity::drive_effort_peak)(0, 0), 0.0);
 }
 
+// Without gravity, a servo that pulls is the mirror image of one that pushes.
+TEST_P(DriveEffort, has_the_peak_of_a_pull) {
+  Model model = slider(900.0, 30.0, 60.0);
+  model.gravity.setZero();
+  Batch<double> batch(compile(model, recorded(GetParam())), 2, {.threads = 1});
+  batch.position_targets()(0, 0) = 0.1, batch.position_targets()(0, 1) = -0.1;
+  batch.step(20);
+  const auto peak = read(batch, Quantity::drive_effort_peak), mean = read(batch, Quantity::drive_effort_mean);
+  EXPECT_GT(peak(0, 0), 1.0);
+  EXPECT_NEAR(peak(0, 1), peak(0, 0), 1e-9);
+  EXPECT_NEAR(mean(0, 1), -mean(0, 0), 1e-9);
+}
+
 TEST(Records, change_no_bit_of_a_step) {
   for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
     StepSettings settings = recorded(integrator);

@@ -232,6 +232,20 @@ TYPED_TEST(Solids, a_hull_does_not_mind_where_its_frame_is) {
   EXPECT_LT((place(one) - place(other)).norm(), 1e-6);
 }
 
+// The same where the frame is turned, too.
+TYPED_TEST(Solids, a_hull_does_not_mind_how_its_frame_is_turned) {
+  Model here = with_hulls(block());
+  Model there = here;
+  Pose seen = Pose::Identity();  // of the old frame
+  seen.linear() = Eigen::AngleAxisd(0.8, Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  seen.translation() = Vector3d(0.3, -0.2, 0.1);
+  there.colliders[0].shape.points = seen * here.colliders[0].shape.points;
+  there.colliders[0].pose = here.colliders[0].pose * seen.inverse();
+  Batch<TypeParam> one = batch_of<TypeParam>(here), other = batch_of<TypeParam>(there);
+  one.step(480), other.step(480);
+  EXPECT_LT((place(one) - place(other)).norm(), 1e-6);
+}
+
 // Pads and object of the grasp as hulls: slip at most twice what boxes slip, and a micrometre.
 TYPED_TEST(Solids, fingers_of_hulls_hold_what_fingers_of_boxes_hold) {
   const auto slip = [](const Model& model) {

@@ -83,6 +83,17 @@ TEST(Gripper, is_driven_by_the_servo_on_its_follower) {
   for (int e = 0; e < 3; ++e) EXPECT_NEAR(batch.positions()(right, e), 0.03 * (1.0 + actions(e)), 1e-9);
 }
 
+// Where the leader is at its upper end, such a follower is at its lower one.
+TEST(Gripper, has_the_range_of_a_leader_that_moves_the_other_way) {
+  Model model = gripper("right");
+  model.couplings = {Coupling::mimic("right", "left", 2.0)};
+  model.joints[1].lower = -0.08;
+  Batch<double> batch(compile(model), 3, {.threads = 1});
+  act<double>(batch, Eigen::RowVector3d(-1.0, 0.0, 1.0), {});
+  for (int e = 0; e < 3; ++e)
+    EXPECT_NEAR(batch.position_targets()(batch.plan().dof("right"), e), 0.03 * (e - 2), 1e-15);
+}
+
 template <class S>
 class Actions : public testing::Test {};
 using Scalars = testing::Types<float, double>;

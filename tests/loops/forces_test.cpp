@@ -56,6 +56,20 @@ TEST(LoopForce, is_at_most_its_limit) {
   EXPECT_LT(held.row_residuals()(0, 0), 1e-12);
 }
 
+// The frame stays where it is, and the rest of the weight's moment turns the body about it.
+TEST(LoopForce, has_a_torque_of_at_most_its_limit) {
+  constexpr double limit = 0.5, dt = 1.0 / 240;
+  Model model = welded();
+  model.loops[0].torque_limit = limit;
+  Batch<double> batch(compile(model, settings(Integrator::euler, dt)), 1, {.threads = 1});
+  batch.step(1);
+  const double inertia = 2.0 / 12.0 * (0.1 * 0.1 + 0.3 * 0.3) + 2.0 * 0.05 * 0.05;  // about y, at the frame
+  const double rest = 2.0 * gravity * 0.05 - limit;
+  EXPECT_NEAR(force_of(batch)(4, 0), -limit, 1e-9);
+  EXPECT_NEAR(batch.root_velocities()(1, 0), dt * rest / inertia, 1e-6);
+  EXPECT_NEAR(batch.root_velocities()(5, 0), 0.0, 1e-6);
+}
+
 // A soft weld is a spring: it hangs lower by m g / kp, and swings at sqrt(kp / m).
 TEST(SoftLoop, yields_by_the_load_over_its_stiffness) {
   for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {

@@ -50,6 +50,26 @@ TEST(LoopSwitch, lets_a_held_body_fall_in_its_environment_alone) {
   }
 }
 
+TEST(LoopSwitch, opens_its_own_loop_alone) {
+  Model model = held_box();
+  model.links.push_back({"other", Inertia::box(1.0, {0.1, 0.1, 0.1}, Vector3d::Zero())});
+  model.roots.push_back({.link = "other", .floating = true, .pose = loop_models::at(Vector3d(-0.3, 0.4, 2.0))});
+  Loop second = model.loops[0];
+  second.name = "second", second.second = "other", second.first_pose = model.roots.back().pose;
+  model.loops.push_back(second);
+  Batch<double> batch(compile(model, varied(Integrator::euler, {Parameter::loop_switch})), 4, {.threads = 1});
+  const auto is_on = [](int loop, int e) { return (e >> loop & 1) == 1; };
+  for (int e = 0; e < 4; ++e)
+    for (int loop = 0; loop < 2; ++loop) batch.parameter(Parameter::loop_switch)(loop, e) = is_on(loop, e) ? 1.0 : 0.0;
+  constexpr int steps = 120;
+  batch.step(steps);
+  const double fall = 9.81 / (240.0 * 240.0) * steps * (steps + 1) / 2;  // of semi-implicit Euler
+  for (int e = 0; e < 4; ++e)
+    for (int loop = 0; loop < 2; ++loop)
+      EXPECT_NEAR(batch.root_poses()(7 * loop + 2, e), 1.0 + loop - (is_on(loop, e) ? 0.0 : fall), 1e-9)
+          << loop << " " << e;
+}
+
 // The frame of the world is an input: a body follows it, each environment its own.
 TEST(LoopFrame, carries_a_welded_body_along) {
   Batch<double> batch(compile(held_box(), varied(Integrator::euler, {Parameter::loop_frame})), 5, {.threads = 1});
@@ -68,6 +88,30 @@ TEST(LoopFrame, carries_a_welded_body_along) {
   }
   EXPECT_EQ(batch.faulted(), 0);
   EXPECT_THROW(compile(held_box(), varied(Integrator::leapfrog, {Parameter::loop_frame})), SettingsError);
+}
+
+// The axis of a hinge follows a frame that tilts, to another side in each environment.
+TEST(LoopFrame, carries_the_axis_of_a_hinge_along) {
+  constexpr int environments = 6;
+  Batch<double> batch(compile(held_box(LoopKind::hinge), varied(Integrator::euler, {Parameter::loop_frame})),
+                      environments, {.threads = 1});
+  auto frame = batch.parameter(Parameter::loop_frame);
+  const auto axis_of = [](const auto& rows, int e) {
+    return Eigen::Quaterniond(rows(3, e), rows(4, e), rows(5, e), rows(6, e)).normalized() * Vector3d::UnitZ();
+  };
+  for (int i = 1; i <= 240; ++i) {
+    for (int e = 0; e < environments; ++e) {
+      const double half = 0.25 * i / 240.0;
+      frame(3, e) = std::cos(half), frame(4, e) = std::sin(half) * std::cos(e),
+               frame(5, e) = std::sin(half) * std::sin(e);
+    }
+    batch.step(1);
+    for (int e = 0; e < environments; ++e) {
+      const Vector3d body = axis_of(batch.root_poses(), e), given = axis_of(frame, e);
+      ASSERT_LT((body - given).norm(), 2e-3) << i << " " << e;
+    }
+  }
+  EXPECT_EQ(batch.faulted(), 0);
 }
 
 TEST(LoopFrame, without_a_turn_is_a_bad_value) {

@@ -130,6 +130,18 @@ TEST(UrdfMeshes, weigh_as_closed_ones_or_as_their_hulls) {
   EXPECT_TRUE(warns(hull, "collision meshes that are not closed, whose hulls give inertia (1): arm"));
 }
 
+// A mirror turns all triangles inside out.
+TEST(UrdfMeshes, weigh_in_a_mirror_what_they_weigh) {
+  const Folder folder;
+  folder.write("closed.obj", as_obj(u_mount()));
+  const Import mirrored =
+      import_urdf_file(folder.write("r.urdf", urdf(mesh("closed.obj", "scale='-1 1 2'"), "")), {.density = 1000.0});
+  const Inertia& inertia = link(mirrored.model, "arm").inertia;
+  EXPECT_NEAR(inertia.mass, 15.0, 1e-12);
+  EXPECT_LT((inertia.center - Vector3d(0.85, 2.075, 3.18)).norm(), 1e-12);
+  EXPECT_FALSE(warns(mirrored, "not closed"));
+}
+
 TEST(UrdfMeshes, tell_what_their_hulls_lose) {
   const Folder folder;
   folder.write("torus.stl", as_binary_stl(torus(.2, .05, 40, 20)));

@@ -70,6 +70,7 @@ void AnyModel::add_joint(Model& model, int child) {
   if (one_in(3) || (!careless_ && drive.stall_effort < infinity)) joint.effort_limit = real(0.0, 10.0);
   if (one_in(3)) joint.friction = real(0.0, 1.0);
   joint.position = real(-0.5, 0.5), joint.velocity = real(-2.0, 2.0);
+  if (!careless_) joint.position = std::clamp(joint.position, joint.lower, joint.upper);
   if (careless_ || joint.kind != JointKind::fixed) coupled_.push_back(name);
   model.joints.push_back(joint);
 }
