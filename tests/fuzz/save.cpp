@@ -151,8 +151,7 @@ void run(Kept<S>& kept, FuzzedDataProvider& input, bool as_they_are) {
     return;
   }
   const std::vector<std::byte> blob = changed(kept.blob, input);
-  if (!fuzz::taken([&] { kept.next.restore(blob); })) return;
-  fuzz::require_sound(kept.next);
+  if (!fuzz::taken([&] { kept.next.restore(blob); })) return;  // takes numbers as they are; a step judges them
   go_on(kept.next);
   fuzz::require(alike(kept.next, kept.batch), "a changed environment changes its neighbours");
 }
