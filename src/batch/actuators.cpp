@@ -23,13 +23,15 @@ void Batch<S>::Impl::settle_drives(int e) {
   if (!late.is_late()) return;
   const AlignedBlock<S>* const shown[drive_inputs] = {&rows.position_target, &rows.velocity_target, &rows.effort};
   const auto number = [&](int input, int joint) { return shown[input]->data()[tables.dof[joint] * stride + e]; };
-  S* to = rows.waiting_input.data() + e;
+  S *const waiting = rows.waiting_input.data(), *const lagged = rows.lagged_input.data();
+  std::ptrdiff_t to = e;
   for (int i = 0; i < late.delayed.count; ++i)
     for (int input = 0; input < drive_inputs; ++input)
-      for (int step = 0; step < late.delayed[i].most; ++step, to += stride) *to = number(input, late.delayed[i].joint);
-  to = rows.lagged_input.data() + e;
+      for (int step = 0; step < late.delayed[i].most; ++step, to += stride)
+        waiting[to] = number(input, late.delayed[i].joint);
+  to = e;
   for (int i = 0; i < late.lagged.count; ++i)
-    for (int input = 0; input < drive_inputs; ++input, to += stride) *to = number(input, late.lagged[i]);
+    for (int input = 0; input < drive_inputs; ++input, to += stride) lagged[to] = number(input, late.lagged[i]);
 }
 
 template <class S>

@@ -22,6 +22,9 @@ for target in $targets; do
   case $target in
     urdf) seeds=tests/models; words=-dict=$out/urdf.dict ;;
     mjcf) seeds=tests/mjcf/models; words=-dict=$out/mjcf.dict ;;
+    step)  # short inputs are models of one link
+      words=-len_control=0
+      [ -f $out/corpus/step/first64 ] || for i in $(seq 64); do head -c 400 /dev/urandom >$out/corpus/step/first"$i"; done ;;
   esac
   [ -d "$seeds" ] || seeds=
   $out/tests/fuzz/fuzz_"$target" $out/corpus/"$target" $seeds $words -max_total_time="$seconds" -timeout=30 \

@@ -314,9 +314,9 @@ TEST(Springs, may_be_stiff) {
   EXPECT_NEAR(batch.positions()(0, 0), 0.3, 1e-9);
 }
 
-// A soak has found this: with no velocity left to solve for, a leapfrog has no midpoint for the soft row and the
-// servos.
-TEST(LockedMechanism, stands_still_beside_soft_rows_and_bounds_by_every_engine) {
+// A soak has found these: with no velocity left to solve for, a leapfrog has no midpoint for the soft row and the
+// servos, and no step has a row for a limited servo, also beside contacts.
+TEST(LockedMechanism, stands_still_beside_soft_rows_bounds_and_contacts_by_every_engine) {
   Model model = physics::sliders({1.0, 2.0});
   model.couplings = {Coupling::mimic("s0", "s1", -1.0), Coupling::mimic("s0", "s1", 1.0)};
   model.couplings.push_back({"s0", {{"s1", 1.6}}, 0.1, Spring{10.0, 1.0}});
@@ -325,15 +325,21 @@ TEST(LockedMechanism, stands_still_beside_soft_rows_and_bounds_by_every_engine) 
     joint.lower = -0.5, joint.upper = 0.5, joint.effort_limit = 1.0, joint.friction = 0.1;
     joint.drive.kp = 50.0, joint.drive.kd = 5.0, joint.drive.position_target = 0.3;
   }
-  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
-    const Plan plan = compile(model, {.integrator = integrator});
-    for (const Engine engine : physics::engines(plan)) {
-      Batch<double> batch(plan, 3, {.threads = 1, .engine = engine});
-      batch.step(20);
-      EXPECT_EQ(batch.faulted(), 0);
-      EXPECT_EQ(batch.positions().abs().maxCoeff(), 0.0) << to_string(integrator) << ", " << to_string(engine);
+  Model on_ground = model;
+  Collider ball, ground;
+  ball.name = "ball", ball.link = model.joints[1].child, ball.shape = Shape::sphere(0.1);
+  ground.name = "ground", ground.shape = Shape::half_space();
+  on_ground.colliders = {ground, ball}, on_ground.contacts.push_back({"ground", "ball"});
+  for (const Model& locked : {model, on_ground})
+    for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+      const Plan plan = compile(locked, {.integrator = integrator});
+      for (const Engine engine : physics::engines(plan)) {
+        Batch<double> batch(plan, 3, {.threads = 1, .engine = engine});
+        batch.step(20);
+        EXPECT_EQ(batch.faulted(), 0);
+        EXPECT_EQ(batch.positions().abs().maxCoeff(), 0.0) << to_string(integrator) << ", " << to_string(engine);
+      }
     }
-  }
 }
 
 }  // namespace

@@ -247,9 +247,9 @@ BoundForms lay_out_bounds(Program& program) {
       if (const int i = program.solver_joint[j]; i >= 0) act(model.joints[j], i);
   };
 
-  // Rounds have rows over several velocities as slots.
-  const bool rounds =
-      !program.contacts.pairs.empty() || has_loops(program) || program.integrator == Integrator::leapfrog;
+  // Rounds have rows over several velocities as slots. There are none where couplings lock everything.
+  const bool rounds = t.solver.n > 0 && (!program.contacts.pairs.empty() || has_loops(program) ||
+                                         program.integrator == Integrator::leapfrog);
   split_servos(program, rounds);
   const bool compete = rounds && rows_compete(program);
 
