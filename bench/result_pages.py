@@ -1,8 +1,8 @@
-# Writes docs/results/accuracy.md and docs/results/stability.md. SPDX-License-Identifier: Apache-2.0
+# Writes docs/results/accuracy.md, soak.md and stability.md. SPDX-License-Identifier: Apache-2.0
 """python3 result_pages.py [--machine MACHINE] [--docs FOLDER] [--check]
 
-Reads accuracy.csv, precision.csv and stability_map/*.csv of bench/results/MACHINE. With --check it writes nothing, and
-fails if a page differs from what the files say. It needs the standard library only."""
+Reads accuracy.csv, precision.csv and stability_map/*.csv of bench/results/MACHINE, and bench/results/soak.json. With
+--check it writes nothing, and fails if a page differs from what the files say. It needs the standard library only."""
 import argparse
 import csv
 import sys
@@ -10,6 +10,7 @@ import textwrap
 from pathlib import Path
 
 from accuracy_points import cost, good, read
+from soak_page import soak_page
 
 BENCH = Path(__file__).resolve().parent
 WRITTEN = "This page is written by `python3 bench/result_pages.py` from {}. Do not edit it."
@@ -287,7 +288,9 @@ def main():
     parser.add_argument("--check", action="store_true", help="only compare")
     choices = parser.parse_args()
     folder, stale = BENCH / "results" / choices.machine, []
-    for name, page in (("accuracy.md", accuracy_page(folder)), ("stability.md", stability_page(folder))):
+    soak = soak_page(BENCH / "results" / "soak.json", WRITTEN, words, markdown, link)
+    for name, page in (("accuracy.md", accuracy_page(folder)), ("soak.md", soak),
+                       ("stability.md", stability_page(folder))):
         path, text = choices.docs / name, page.rstrip("\n") + "\n"
         if choices.check:
             if not path.exists() or path.read_text() != text:
