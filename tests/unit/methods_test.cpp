@@ -342,5 +342,24 @@ TEST(LockedMechanism, stands_still_beside_soft_rows_bounds_and_contacts_by_every
     }
 }
 
+// Another find of a soak: the drive has no row, so machine code of a leapfrog took nothing for the bounded step.
+TEST(LockedMechanism, beside_a_free_joint_is_corrected_by_every_engine_where_its_drive_is_kinematic) {
+  Model model = physics::sliders({1.0, 2.0, 0.5});
+  model.couplings = {Coupling::mimic("s1", "s0", 1.1), Coupling::mimic("s0", "s1", 2.5, 0.04)};
+  model.joints[1].drive.kinematic = true;
+  model.joints[0].position = -0.03, model.joints[1].position = 0.1, model.joints[2].velocity = 1.0;
+  const double where = -0.04 / (1.0 - 2.5 * 1.1);  // s0 + 2.5 s1 + 0.04 = 0, s1 + 1.1 s0 = 0
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+    const Plan plan = compile(model, {.integrator = integrator});
+    ASSERT_EQ(plan.locked_joints().size(), 1u);
+    for (const Engine engine : physics::engines(plan)) {
+      Batch<double> batch(plan, 3, {.threads = 1, .engine = engine});
+      batch.step(240);
+      EXPECT_NEAR(batch.positions()(0, 1), where, 1e-9) << to_string(integrator) << ", " << to_string(engine);
+      EXPECT_NEAR(batch.positions()(1, 1), -1.1 * where, 1e-9);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace lockstep

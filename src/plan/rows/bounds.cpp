@@ -311,12 +311,12 @@ BoundForms lay_out_bounds(Program& program) {
   b.may_depend = may_depend(program, forms, rows, result.forms);
   place_ball_ranges(program, forms, rows);
 
-  // When some row may be active: joints to look at in each step, or always.
+  // When some row may be active: joints to look at in each step, or always. Joints that couplings lock have no row.
   std::vector<Watched> watched;
   each_joint([&](const Joint& joint, int i) {
     const bool has_speed = b.has[i] & has_speed_limit,
                ranged = has_range_of(program, joint) && joint.kind != JointKind::ball;
-    b.always |= (b.has[i] & (has_friction | has_kinematic_drive)) != 0;
+    b.always |= !rows.empty() && (b.has[i] & (has_friction | has_kinematic_drive)) != 0;
     if (has_speed || ranged) watched.push_back({i, (b.has[i] & has_restitution) != 0, ranged, has_speed});
   });
   for (const Row& row : rows) b.always |= row.kind != BoundKind::joint && row.kind != BoundKind::soft_limit;
