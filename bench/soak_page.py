@@ -3,6 +3,8 @@ import json
 
 
 def million(count):
+    if count >= 999.5e6:
+        return f"{count / 1e9:.3g} billion"
     return f"{count / 1e6:.3g} million" if count >= 1e6 else f"{count}"
 
 
@@ -25,7 +27,7 @@ def soak_page(path, written, words, markdown, link):
     with open(path) as file:
         totals = json.load(file)
     refused = sum(totals["refused"].values())
-    broken = "No promise was broken" if not totals["failures"] else f"**{len(totals['failures'])} promises were broken**"
+    broken = "Since the last repair no promise was broken" if not totals["failures"] else f"**{len(totals['failures'])} promises were broken**"
     lines = ["# Results: soak", ""] + words(
         written.format(link(path, "the counts of the soak")),
         "[reliability](../reliability.md#soaking) says what a soak does. "
