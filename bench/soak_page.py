@@ -27,7 +27,8 @@ def soak_page(path, written, words, markdown, link):
     with open(path) as file:
         totals = json.load(file)
     refused = sum(totals["refused"].values())
-    broken = "Since the last repair no promise was broken" if not totals["failures"] else f"**{len(totals['failures'])} promises were broken**"
+    failures = len(totals["failures"])
+    broken = f"**{failures} promises were broken**" if failures else "Since the last repair no promise was broken"
     lines = ["# Results: soak", ""] + words(
         written.format(link(path, "the counts of the soak")),
         "[reliability](../reliability.md#soaking) says what a soak does. "
