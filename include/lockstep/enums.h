@@ -81,8 +81,9 @@ inline constexpr int parameter_count = 27;
 enum class Fault : std::uint32_t {
   none = 0,
   not_finite = 1,  ///< the step would have left a position or velocity that is NaN or infinite
-  diverged = 2,    ///< the step would have left one beyond StepSettings::position_bound or velocity_bound, or a joint
-                   ///< that turns for ever beyond the turns that can be counted: see Batch::angles()
+  diverged = 2,    ///< the step would have left one beyond StepSettings::position_bound or velocity_bound, a joint that
+                   ///< turns for ever beyond the turns that can be counted (see Batch::angles()), or a spatial tendon
+                   ///< whose length would leap
   singular = 3,    ///< the mass matrix is not positive definite or not finite: a per-environment parameter is
                    ///< impossible, or the masses are too far apart for this precision
   bad_value = 4,   ///< a per-environment parameter is outside the range that it has in a Model, or a root's quaternion

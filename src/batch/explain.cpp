@@ -56,7 +56,8 @@ std::string Batch<S>::explain_fault(int environment) const {
       words += "a position would pass " + text_of(program.settings.position_bound) +
                (batch.tables.turning.count > 0 ? ", a joint without a range " + text_of(simd::most_turns<S>) + " turns,"
                                                : "") +
-               " or a velocity " + text_of(program.settings.velocity_bound);
+               " or a velocity " + text_of(program.settings.velocity_bound) +
+               (batch.tables.spatial.used() ? ", or a tendon's length would leap" : "");
     }
   }
   if (!wrong.empty()) words += "; " + wrong;

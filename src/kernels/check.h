@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "kernels/couplings/spatial_tendons.h"
 #include "kernels/couplings/tendons.h"
 #include "kernels/couplings/turns.h"
 
@@ -19,6 +20,15 @@ template <class T>
 LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   T most = farthest(x.next.pose, 7 * t.roots.count, T(0));
   return t.turning.count == 0 ? farthest(x.next.q, t.joints, most) : farthest(x.next.q, t.other_runs, most);
+}
+
+/// The dof to blame: a number beyond its bound, or else a spatial tendon that leaps.
+template <class T>
+int diverged_dof(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const State<T>& state, int place) {
+  int dof = dof_beyond(t, state, place);
+  for (int i = 0; i < t.spatial.tendons.count && dof < 0; ++i)
+    if (lane(leaps(t, x, i), place)) dof = t.dof[t.spatial.tendons[i].joint];
+  return dof;
 }
 
 /// Sets the fault of lanes that have just failed. A matrix that cannot be factored comes first,
@@ -47,7 +57,7 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                 {gains_energy(t, x, i) ? FaultStage::energy : FaultStage::guard, fastest_dof(t, x.state, i)});
     else
       set_fault(batch, x, i, Fault::diverged,
-                {FaultStage::state, dof_beyond(t, lane(began_beyond, i) ? x.state : x.next, i)});
+                {FaultStage::state, diverged_dof(t, x, lane(began_beyond, i) ? x.state : x.next, i)});
   }
 }
 
@@ -90,6 +100,7 @@ void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   const auto fast = beyond(farthest(x.next.v, t.velocities, T(0)), T(t.velocity_bound));
   typename T::Mask failed = x.singular | far | fast;
   if (t.guarded || t.audited) failed = failed | x.too_fast;
+  for (int i = 0; i < t.spatial.tendons.count; ++i) failed = failed | leaps(t, x, i);
   failed = failed & ~x.frozen;
   x.frozen = x.frozen | failed;
   typename T::Mask held = x.frozen;

@@ -196,6 +196,20 @@ TEST(SoftCouplings, keep_their_stretch_unless_all_are_projected) {
   }
 }
 
+TEST(SoftCouplings, give_way_to_hard_ones_that_contradict_them) {
+  Model model = physics::sliders({0.02, 0.03});
+  model.couplings = {Coupling::mimic("s1", "s0", -1.0, 0.1), Coupling::mimic("s1", "s0", -1.0)};
+  model.couplings[0].softness = Spring{50.0, 1.0};
+  for (const Method method : physics::methods) {
+    Batch<double> batch(compile(model, physics::settings(method)), 1, serial);
+    batch.positions().setConstant(0.4);
+    const std::vector<UnmetCoupling> unmet = batch.project(EnvironmentSet::all(), Couplings::all);
+    ASSERT_EQ(unmet.size(), 1u);
+    EXPECT_EQ(unmet[0].coupling, 0);
+    EXPECT_EQ(batch.coupling_errors()(1, 0), 0.0);
+  }
+}
+
 TEST(SoftCouplings, are_told_apart_by_environment) {
   StepSettings settings;
   settings.per_environment = {Parameter::softness, Parameter::coupling_switch};

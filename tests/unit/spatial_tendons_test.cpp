@@ -232,6 +232,49 @@ TEST(SpatialTendons, a_servo_with_a_limit_bends_an_elbow_to_where_the_lengths_sa
   }
 }
 
+// A crank of 0.1 m, 1e-3 rad from where it points away from the post at a distance of 1 m, so its cord is longest.
+Model crank_near_its_dead_point() {
+  Model model;
+  model.gravity.setZero();
+  model.links = {{"base", {}}};
+  physics::append_link(model, "base", Vector3d::Zero(), Vector3d::UnitY(), 0.2).position = 1e-3;
+  model.joints.push_back(tendon_over({{"", model.joints[0].child, Vector3d(-1, 0, 0), Vector3d(0.1, 0, 0)}}));
+  return model;
+}
+
+// The joint moves by at most `reach` in each step, beside `share` of its velocity, until the tendon has the length.
+void correct_in_small_steps(const Model& model, Integrator integrator, double length, double reach, double share) {
+  Batch<double> batch(compile(model, settings_of(integrator, 2e-3)), 1);
+  double before = batch.positions()(0, 0), most = 0.0;
+  for (int i = 0; i < 2000; ++i) {
+    batch.step();
+    const double now = batch.positions()(0, 0), coasted = share * 2e-3 * std::abs(batch.velocities()(0, 0));
+    most = std::max(most, std::abs(now - before) - coasted);
+    before = now;
+  }
+  EXPECT_EQ(batch.faults()[0], Fault::none);
+  EXPECT_LE(most, reach * (1.0 + 1e-9));
+  EXPECT_GT(most, 0.2 * reach);
+  EXPECT_NEAR(batch.positions()(1, 0), length, 1e-5);
+}
+
+TEST(SpatialTendons, move_no_joint_far_in_a_step_that_corrects_a_length) {
+  Model ranged = crank_near_its_dead_point(), driven = ranged;
+  ranged.joints.back().upper = 0.95;
+  driven.joints.back().drive.kinematic = true, driven.joints.back().drive.position_target = 0.95;
+  // A slider along x, on a cord to the point 1 m above where it stands.
+  Model slider = crank_near_its_dead_point();
+  slider.joints[0].kind = JointKind::prismatic, slider.joints[0].axis = Vector3d::UnitX();
+  slider.joints.back().path = {{"", slider.joints[0].child, Vector3d(0, 0, 1), Vector3d::Zero()}};
+  slider.joints.back().lower = 1.2;
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+    SCOPED_TRACE(to_string(integrator));
+    correct_in_small_steps(ranged, integrator, 0.95, 0.1, 1.0);
+    correct_in_small_steps(driven, integrator, 0.95, 0.1, 0.0);  // what a drive asks for is a velocity
+    correct_in_small_steps(slider, integrator, 1.2, 0.1 * 1.2, 1.0);
+  }
+}
+
 TEST(SpatialTendons, give_the_same_bits_however_calls_are_divided) {
   Model model = tensegrity();
   model.joints.back().upper = 0.9;

@@ -75,12 +75,25 @@ LOCKSTEP_INLINE Interval<T> range_interval(const Bounds<ScalarOf<T>>& b, int j, 
   return i;
 }
 
+/// (M180): no correction of a spatial tendon's position, of joint j, passes the reach of its row, in 1 / `inverse`.
+template <class T>
+LOCKSTEP_INLINE Interval<T> within_reach(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, ScalarOf<T> inverse,
+                                         const Interval<T>& corrections) {
+  for (int i = 0; i < t.spatial.tendons.count; ++i) {
+    if (t.spatial.tendons[i].joint != j) continue;
+    const T most = T(inverse) * x.spatial.reach[i];
+    return {smaller(corrections.lo, most), larger(corrections.hi, -most)};
+  }
+  return corrections;
+}
+
 /// Of joint j. `moved` is its displacement since the start of the step.
 template <class T>
 LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                            const Tile<T>& x, int j, const StepTime<T>& at, T moved) {
-  return range_interval(t.bounds, j, position_limits<T>(t, batch, j), x.state.q[j] + moved,
-                        at.start ? at.start[j] : T(0), x.state.v[t.velocity_of(j)], at);
+  const Interval<T> i = range_interval(t.bounds, j, position_limits<T>(t, batch, j), x.state.q[j] + moved,
+                                       at.start ? at.start[j] : T(0), x.state.v[t.velocity_of(j)], at);
+  return at.in_velocity_phase ? i : within_reach(t, x, j, at.inverse, i);
 }
 
 /// The same, clamped to the velocity limit.
@@ -103,7 +116,11 @@ LOCKSTEP_INLINE T kinematic_velocity(const Tables<ScalarOf<T>>& t, const StatePo
   const T target = without_whole_turns(t, x, j, T::load(batch.position_target + row)),
           speed = T::load(batch.velocity_target + row);
   const ScalarOf<T> left = t.solves_midpoint ? t.step * ScalarOf<T>(0.5) : t.step;  // of the step, from q on
-  return fma(T(t.bounds.drive_rate[j]), fnma(T(left), speed, target - q), speed);
+  const T prescribed = fma(T(t.bounds.drive_rate[j]), fnma(T(left), speed, target - q), speed);
+  if (!t.spatial.used()) return prescribed;
+  const T far = T(ScalarOf<T>(unlimited));
+  const Interval<T> reach = within_reach(t, x, j, ScalarOf<T>(1) / t.step, {far, -far});
+  return clamp(prescribed, speed + reach.hi, speed + reach.lo);
 }
 
 /// (M59): the hard bounds of all joints that move with the row's velocity.

@@ -10,6 +10,7 @@
 namespace lockstep::kernels {
 
 constexpr double least_segment = 1e-12;  ///< m, of one with a direction
+constexpr double most_corrected = 0.1;   ///< rad, of joints that correct a length in one step
 
 /// A segment in the world.
 template <class T>
@@ -73,7 +74,36 @@ void place_spatial_tendons(const Tables<ScalarOf<T>>& t, Tile<T>& x, State<T>& s
   spatial_lengths(t, x.spatial.motion, state);
 }
 
-/// (M179): their rows of S at x.state, where this puts them, too. Needs kinematics(), and S of all other followers.
+/// (M181): whether the step would move tendon i in this way.
+template <class T>
+LOCKSTEP_INLINE typename T::Mask leaps(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int i) {
+  const int j = t.spatial.tendons[i].joint, k = t.velocity_of(j);
+  const T before = x.state.q[j], after = x.next.q[j];
+  const T speed = larger(absolute(x.state.v[k]), absolute(x.next.v[k]));
+  return less(T(ScalarOf<T>(0.5)) * larger(before, after), fnma(T(t.step), speed, absolute(after - before)));
+}
+
+/// (M180), for tendon i with its row of S.
+template <class T>
+LOCKSTEP_INLINE T reach_of_correction(const Tables<ScalarOf<T>>& t, const SpatialTendon& tendon, const Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Reduction<S>& r = t.reduction;
+  const T length = larger(x.state.q[tendon.joint], T(S(least_segment)));
+  T squares = T(0), most = T(0);
+  for (int k = r.start[tendon.follower]; k < r.start[tendon.follower + 1]; ++k)
+    squares = fma(x.couplings.share[k], x.couplings.share[k], squares);
+  for (int s = tendon.first; s < tendon.last; ++s)
+    for (int c = t.spatial.segments[s].first_column; c < t.spatial.segments[s].last_column; ++c) {
+      const SegmentColumn& column = t.spatial.columns[c];
+      const T share = absolute(x.couplings.share[column.share]);
+      most = larger(most, slides(t, t.spatial.parts[column.first]) ? share / length : share);
+    }
+  const auto moves = less(T(0), most);
+  return select(moves, T(S(most_corrected)) * squares / select(moves, most, T(1)), T(0));
+}
+
+/// (M179) and (M180): their rows of S at x.state, where this puts them, too. Needs kinematics(), and S of all other
+/// followers.
 template <class T>
 void spatial_shares(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
@@ -99,6 +129,7 @@ void spatial_shares(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
         x.couplings.share[column.share] += dot(along, moving);
       }
     }
+    x.spatial.reach[i] = reach_of_correction(t, tendon, x);
   }
 }
 

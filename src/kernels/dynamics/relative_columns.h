@@ -12,15 +12,19 @@ struct PartAxis {
   bool slides;
 };
 
+template <class S>
+LOCKSTEP_INLINE bool slides(const Tables<S>& t, const ColumnPart& part) {
+  return part.component < 0 ? t.body[part.body].prismatic : part.component >= 3;
+}
+
 template <class T>
 LOCKSTEP_INLINE PartAxis<T> axis_of_part(const Tables<ScalarOf<T>>& t, const ColumnPart& part, const Motion<T>& m,
                                          const Tile<T>& x) {
   const Body<ScalarOf<T>>& body = t.body[part.body];
-  const bool slides = part.component < 0 ? body.prismatic : part.component >= 3;
   const int axis = part.component < 0 ? body.axis : part.component % 3;
   T share = T(part.component < 0 ? body.sign * ScalarOf<T>(part.sign) : ScalarOf<T>(part.sign));
   if (part.share >= 0) share *= x.couplings.share[part.share];
-  return {scaled(column_of(m.world[part.body], axis), share), slides};
+  return {scaled(column_of(m.world[part.body], axis), share), slides(t, part)};
 }
 
 }  // namespace lockstep::kernels

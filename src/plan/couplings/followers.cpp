@@ -69,7 +69,8 @@ bool substitute(Form& form, int known, const Form& by) {
   return true;
 }
 
-// Gauss-Jordan elimination of the rows of the couplings, in the model's order. Those of curved followers come first.
+// Gauss-Jordan elimination of the rows of the couplings: those of curved followers, other hard ones, soft ones, each in
+// the model's order. So what is redundant beside a hard coupling and contradicts it is soft, where one of them is.
 // Forms have no parts unless they are wanted: those of a long chain of followers are many.
 template <class Takes>
 Choice choose(const Program& program, bool wants_parts, const Takes& takes) {
@@ -78,8 +79,9 @@ Choice choose(const Program& program, bool wants_parts, const Takes& takes) {
   Users users(t.joints);
   long entries = 0;
   std::vector<int> order(t.functions.placing.data, t.functions.placing.data + t.functions.placing.count);
-  for (int c = 0; c < t.couplings; ++c)
-    if (!is_curved(program, c)) order.push_back(c);
+  for (const bool hard : {true, false})
+    for (int c = 0; c < t.couplings; ++c)
+      if (!is_curved(program, c) && is_hard(program.model.couplings[c].softness) == hard) order.push_back(c);
   for (const int c : order) {
     if (!takes(c)) continue;
 
