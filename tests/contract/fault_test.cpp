@@ -1,4 +1,7 @@
 // An environment that fails is flagged and frozen, and no other notices. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <cmath>
 #include <functional>
 #include <limits>
 
@@ -149,6 +152,34 @@ INSTANTIATE_TEST_SUITE_P(method, FailedEnvironment, testing::ValuesIn(physics::m
 
 // A constant effort takes an environment beyond the velocity bound in the middle of a call. The environment keeps the
 // last state within the bound.
+// A hinge along gravity: no force depends on its angle, which nothing but its range reads.
+TEST(Fault, is_found_where_nothing_reads_what_is_not_finite) {
+  Model model;
+  model.links = {{"base", {}}};
+  physics::append_link(model, "base", Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitZ(), 0.2);
+  physics::append_link(model, model.joints[0].child, Eigen::Vector3d(0, 0, 0.1), Eigen::Vector3d::UnitY(), 0.2);
+  for (Joint& joint : model.joints) joint.lower = -2.9, joint.upper = 2.9;
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog})
+    for (const bool ranged : {true, false}) {
+      for (Joint& joint : model.joints)
+        if (!ranged) joint.lower = -infinity, joint.upper = infinity;
+      const Plan plan = compile(model, {.integrator = integrator});
+      for (const Engine engine : physics::engines(plan))
+        for (const int dof : {0, 1})
+          for (const double number : {nan, HUGE_VAL, -HUGE_VAL}) {
+            SCOPED_TRACE(fmt::format("{} {} {} {} {}", to_string(integrator), ranged, to_string(engine), dof, number));
+            Batch<float> positions(plan, 3, {.threads = 1, .engine = engine}),
+                velocities(plan, 3, {.threads = 1, .engine = engine});
+            positions.positions()(dof, 1) = velocities.velocities()(dof, 1) = static_cast<float>(number);
+            for (Batch<float>* batch : {&positions, &velocities}) {
+              batch->step();
+              EXPECT_EQ(batch->faults()[1], Fault::not_finite);
+              EXPECT_EQ(batch->faulted(), 1);
+            }
+          }
+    }
+}
+
 TEST(Fault, freezes_at_the_last_good_substep) {
   StepSettings settings;
   settings.velocity_bound = 10.0;

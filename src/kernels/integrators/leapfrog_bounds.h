@@ -336,7 +336,8 @@ LOCKSTEP_INLINE void bound_stages(const Tables<ScalarOf<T>>& t, const StatePoint
   });
 }
 
-/// Joints that are at an end but for rounding are put there, and lanes with a fault show it.
+/// Joints that are at an end but for rounding are put there, and lanes with a fault show it. No end hides a NaN, which
+/// may stand in the position alone: a hinge along gravity is nothing's angle.
 template <class T>
 void settle_candidates(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   for (int i = 0; i < t.bounds.watched.count; ++i) {
@@ -347,7 +348,8 @@ void settle_candidates(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
     const T ends[2] = {range.lo, range.hi};
     for (const T& end : ends) {
       const T far = farther(end, x.stages.begin.q[j]) * (T(ScalarOf<T>(4)) * T::rounding());
-      q = select(beyond(q - end, absolute(far)) | ~x.bounds.candidate, q, end);
+      const auto apart = beyond(q - end, absolute(far)) | beyond(q, T(largest_number<ScalarOf<T>>));
+      q = select(apart | ~x.bounds.candidate, q, end);
     }
   }
   x.bounds.invalid = x.bounds.invalid & x.bounds.candidate;
