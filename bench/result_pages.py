@@ -1,8 +1,8 @@
-# Writes docs/results/accuracy.md, soak.md and stability.md. SPDX-License-Identifier: Apache-2.0
+# Writes docs/results/accuracy.md, ranks.md, soak.md and stability.md. SPDX-License-Identifier: Apache-2.0
 """python3 result_pages.py [--machine MACHINE] [--docs FOLDER] [--check]
 
-Reads accuracy.csv, precision.csv and stability_map/*.csv of bench/results/MACHINE, and bench/results/soak.json. With
---check it writes nothing, and fails if a page differs from what the files say. It needs the standard library only."""
+Reads accuracy.csv, precision.csv and stability_map/*.csv of bench/results/MACHINE, and soak.json and ranks.json of
+bench/results. With --check it writes nothing, and fails if a page differs from what the files say. It needs the standard library only."""
 import argparse
 import csv
 import sys
@@ -10,6 +10,7 @@ import textwrap
 from pathlib import Path
 
 from accuracy_points import cost, good, read
+from ranks_page import ranks_page
 from soak_page import soak_page
 
 BENCH = Path(__file__).resolve().parent
@@ -289,7 +290,8 @@ def main():
     choices = parser.parse_args()
     folder, stale = BENCH / "results" / choices.machine, []
     soak = soak_page(BENCH / "results" / "soak.json", WRITTEN, words, markdown, link)
-    for name, page in (("accuracy.md", accuracy_page(folder)), ("soak.md", soak),
+    ranks = ranks_page(BENCH / "results" / "ranks.json", WRITTEN, words, markdown, link)
+    for name, page in (("accuracy.md", accuracy_page(folder)), ("ranks.md", ranks), ("soak.md", soak),
                        ("stability.md", stability_page(folder))):
         path, text = choices.docs / name, page.rstrip("\n") + "\n"
         if choices.check:

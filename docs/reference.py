@@ -39,6 +39,8 @@ SECTIONS = [
     ("Events", "events", "Event"),
     ("Random numbers", "draws", "uniform normal"),
     ("Ground", "terrain", "Patch Terrain curriculum"),
+    ("Many processes", "ranks", "rank_of_launcher ids_of require_partition Checkpoints Checkpoint"),
+    ("", "mpi", "Ranks spread together"),
     ("Trainers", "rsl_rl", "RslRlEnv"),
     ("", "stable_baselines3", "Sb3VecEnv"),
     ("", "rl_games", "RlGamesEnv"),

@@ -57,13 +57,19 @@ LOCKSTEP_API const char* to_string(Target target) noexcept;
 LOCKSTEP_API const char* to_string(Engine engine) noexcept;
 
 struct BatchOptions {
-  /// 1: the calling thread; step() allocates nothing. 0: the oneTBB arena of the caller, which is all cores unless the
-  /// caller limits it. n > 1: an arena of n threads of its own.
+  /// 1: the calling thread; step() allocates nothing. n > 1: an arena of n threads of its own. 0: as many as this
+  /// process may use. That is the oneTBB arena of the caller, which has all processors of the affinity mask unless the
+  /// caller limits it. Where that arena has more threads than the affinity mask and the quota of the control group
+  /// grant, it is an arena of its own with as many as they do.
   int threads = 0;
   Target target = Target::automatic;
   Engine engine = Engine::automatic;
   std::uint64_t seed = 0;      ///< of all environments: what Batch::seeds() begins with
   std::uint32_t first_id = 0;  ///< of environment 0; the others count on: what Batch::ids() begins with
+  /// Holds the threads to the processors of one memory domain (NUMA node), and the batch's memory in it. -1: any. 0, 1
+  /// ... in the order of tbb::info::numa_nodes(), which sees only one unless oneTBB finds hwloc (Debian:
+  /// libtbbbind-2-5). Whoever has several domains runs a process or a batch for each.
+  int memory_domain = -1;
 };
 
 /// The couplings by which Batch::project() and Batch::reset() place followers.
@@ -193,6 +199,7 @@ class LOCKSTEP_API Batch {
 
   const Plan& plan() const;
   int environments() const;
+  int threads() const;              ///< how many may work on a step that the calling thread begins
   Target target() const;            ///< the one in use, never automatic
   Engine engine() const;            ///< the one in use, never automatic
   std::string kernel_name() const;  ///< of the generated kernel in use; empty for other engines
@@ -377,9 +384,9 @@ class LOCKSTEP_API Batch {
   /// Empty without a fault. Throws UsageError for an environment outside the batch.
   std::string explain_fault(int environment) const;
 
-  /// In words: what the last call of step() has spent on contacts and on rows over several velocities, in the mean of
-  /// an environment and step, and how many solves have ended at their cap since the resets. Quantity::solve_counts has
-  /// the numbers by environment. For people, so the words may change.
+  /// In words: what runs the steps, by how many threads, and what the last call of step() has spent on contacts and on
+  /// rows over several velocities, in the mean of an environment and step, and how many solves have ended at their cap
+  /// since the resets. Quantity::solve_counts has the numbers by environment. For people, so the words may change.
   std::string describe() const;
 
   /// Looks at the values that stand there, by the rules of step(): impossible values in declared fields, NaN and

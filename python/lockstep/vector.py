@@ -89,6 +89,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         seed: int = 0,
         first_id: int = 0,
         threads: int = 0,
+        memory_domain: int = -1,
         dtype: str = "f4",
         copy: bool = True,
         render_mode: Optional[str] = None,
@@ -112,7 +113,8 @@ class VectorEnv(Base):  # type: ignore[misc]
             raise ValueError(f"render_mode {render_mode!r} is neither None nor 'rgb_array'")
         self.plan = plan
         self.num_envs = num_envs
-        self.batch: Batch = plan.batch(num_envs, threads=threads, seed=seed, first_id=first_id, dtype=dtype)
+        self.batch: Batch = plan.batch(num_envs, threads=threads, memory_domain=memory_domain, seed=seed,
+                                       first_id=first_id, dtype=dtype)
         self.limit = limit
         self.decimation = decimation
         self.action_kind = action_kind

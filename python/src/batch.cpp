@@ -318,7 +318,11 @@ void bind_steps(Class& batch) {
       "environment"_a, "the fault in words; empty without one");
   batch.def(
       "describe", [](AnyBatch& b) { return b.use([](auto& own) { return own.describe(); }); },
-      "in words: what the last call of step() has spent on contacts, in the mean of an environment and step");
+      "in words: what runs the steps, by how many threads, and what the last call of step() has spent on contacts, in "
+      "the mean of an environment and step");
+  batch.def_property_readonly(
+      "threads", [](AnyBatch& b) { return b.use([](auto& own) { return own.threads(); }); },
+      "how many may work on a step");
   batch.def("__reduce__", [](const py::object& self) {
     return py::make_tuple(
         py::module_::import("lockstep.model").attr("restored"),
@@ -426,8 +430,8 @@ std::vector<int> environments_of(const py::object& which, int environments) {
 
 std::unique_ptr<AnyBatch> make_batch(const Plan& plan, int environments, int threads, std::uint64_t seed,
                                      std::uint32_t first_id, const py::object& dtype, const std::string& target,
-                                     const std::string& engine) {
-  const BatchOptions options{threads, target_of(target), engine_of(engine), seed, first_id};
+                                     const std::string& engine, int memory_domain) {
+  const BatchOptions options{threads, target_of(target), engine_of(engine), seed, first_id, memory_domain};
   const py::dtype wanted = py::dtype::from_args(dtype);
   auto batch = std::make_unique<AnyBatch>();
   batch->threads = threads;

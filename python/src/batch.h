@@ -23,7 +23,7 @@ struct AnyBatch {
 
 std::unique_ptr<AnyBatch> make_batch(const Plan& plan, int environments, int threads, std::uint64_t seed,
                                      std::uint32_t first_id, const py::object& dtype, const std::string& target,
-                                     const std::string& engine);
+                                     const std::string& engine, int memory_domain);
 
 /// The environments that None (all), a mask of bool or a sequence of ids stands for. Only bool is a mask. Throws
 /// UsageError for ids outside the batch, and TypeError for other types.
@@ -47,6 +47,7 @@ std::vector<Query> queries_of(const Plan& plan, const py::object& given);
 void bind_control(py::class_<AnyBatch>& batch);
 void bind_planning(py::class_<AnyBatch>& batch);
 void bind_plan(py::module_& module);
+void bind_ranks(py::module_& module);
 void bind_step_draws(py::module_& module);
 void bind_import(py::module_& module);
 void bind_view(py::module_& module);

@@ -41,6 +41,7 @@ PYBIND11_MODULE(_lockstep, module) {
   bind_batch(module);
   bind_plan(module);
   bind_import(module);
+  bind_ranks(module);
   bind_step_draws(module);
   bind_view(module);
   module.attr("_require_main_interpreter") = py::reinterpret_steal<py::object>(PyCFunction_New(&requirement, nullptr));

@@ -225,10 +225,13 @@ void bind_plan(py::module_& module) {
           "what keeps methods, integrators, 'folding' of soft couplings, bounds in 'stages' and the 'audit' from "
           "applying: dicts of feature, applies_to, reason, remedy")
       .def("describe", &Plan::describe, "in words: what a step does, by which method and why, and what it costs")
-      .def("batch", &make_batch, "num_envs"_a, py::kw_only(), "threads"_a = 0, "seed"_a = 0, "first_id"_a = 0,
-           "dtype"_a = "f4", "target"_a = "automatic", "engine"_a = "automatic",
-           "num_envs environments in the model's state. threads: 1 is the calling thread, 0 all cores. seed, first_id: "
-           "what random numbers depend on, see Batch.draw(). dtype: 'f4' or 'f8'.")
+      .def(
+          "batch", &make_batch, "num_envs"_a, py::kw_only(), "threads"_a = 0, "seed"_a = 0, "first_id"_a = 0,
+          "dtype"_a = "f4", "target"_a = "automatic", "engine"_a = "automatic", "memory_domain"_a = -1,
+          "num_envs environments in the model's state. threads: 1 is the calling thread, 0 as many as this process may "
+          "use, by its affinity mask and its control group's quota. seed, first_id: what random numbers depend on, see "
+          "Batch.draw(). dtype: 'f4' or 'f8'. memory_domain: holds threads and memory to one (NUMA node), see "
+          "BatchOptions in lockstep/batch.h.")
       .def("__reduce__",
            [](const py::object& self) {
              const Plan& plan = self.cast<const Plan&>();

@@ -31,6 +31,10 @@ std::string Batch<S>::kernel_name() const {
   return impl().chosen.kernel ? impl().chosen.kernel->name : "";
 }
 template <class S>
+int Batch<S>::threads() const {
+  return impl().workers.concurrency();
+}
+template <class S>
 Target Batch<S>::target() const {
   return impl().target;
 }

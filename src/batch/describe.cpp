@@ -31,8 +31,11 @@ template <class S>
 std::string Batch<S>::describe() const {
   const Impl& batch = impl();
   const Plan& plan = batch.plan;
-  std::string text = fmt::format("{} environments of '{}', {}, {}, {}.\n", batch.environments, plan.model().name,
-                                 sizeof(S) == 4 ? "f32" : "f64", to_string(batch.target), to_string(engine()));
+  const int threads = batch.workers.concurrency(), domain = batch.workers.memory_domain();
+  std::string text =
+      fmt::format("{} environments of '{}', {}, {}, {}, {} thread{}{}.\n", batch.environments, plan.model().name,
+                  sizeof(S) == 4 ? "f32" : "f64", to_string(batch.target), to_string(engine()), threads,
+                  threads == 1 ? "" : "s", domain < 0 ? "" : fmt::format(" of memory domain {}", domain));
   if (batch.chosen.compiled) text += code_line(*batch.chosen.compiled);
   if (!batch.tables.counts_solves()) return text + "Nothing in its steps is solved by rounds.\n";
   const auto sum_of = [&](int row) {

@@ -69,19 +69,21 @@ struct Batch<S>::Impl {
         step_nanoseconds(static_cast<double>(p.flops_per_step()) /
                          ((chosen.engine == Engine::tables ? 3.0 : 8.0) * kernels.lanes)),
         frames(frames_of(p.model())),
-        workers(options.threads, scratch_bytes()),
+        workers(options.threads, options.memory_domain, scratch_bytes()),
         rules(value_rules<S>(program_of(p))),
         placer(program_of(p)),
         pairs_of_link(pairs_of_links(p)),
         moved_link(moved_links(p.model())) {
     wanted.reserve(frames.size()), slot.resize(frames.size());
-    each_block(
-        tables,
-        [&]<class E>(const BatchBlock& block, AlignedBlock<E>& own, std::vector<E>& first) {
-          first.resize(static_cast<std::size_t>(block.rows));
-          own = block_of<E>(block.rows);
-        },
-        rows, start);
+    workers.within([&] {
+      each_block(
+          tables,
+          [&]<class E>(const BatchBlock& block, AlignedBlock<E>& own, std::vector<E>& first) {
+            first.resize(static_cast<std::size_t>(block.rows));
+            own = block_of<E>(block.rows);
+          },
+          rows, start);
+    });
     find_start();
     require_representable(start);
     const Model& model = program_of(plan).model;

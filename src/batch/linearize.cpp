@@ -248,7 +248,8 @@ std::vector<Linearization> Batch<S>::linearize(const EnvironmentSet& which, cons
     }
     if (jobs == 0) return std::vector<Linearization>(ids.size());
     const int copies = std::min(2 * jobs, most_copies);
-    Batch<S> workspace(own.plan, copies, {own.workers.threads(), own.target, own.chosen.engine, 0, 0});
+    Batch<S> workspace(own.plan, copies,
+                       {own.workers.threads(), own.target, own.chosen.engine, 0, 0, own.workers.memory_domain()});
     std::vector<int> places(static_cast<std::size_t>(copies)), from(places.size());
     std::iota(places.begin(), places.end(), 0);
 

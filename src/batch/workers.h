@@ -1,4 +1,4 @@
-// Spreads environments over threads; the only file that uses oneTBB. SPDX-License-Identifier: Apache-2.0
+// Spreads environments over threads; it and processors.cpp alone use oneTBB. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <tbb/blocked_range.h>
@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "lockstep/error.h"
+#include "processors.h"
 #include "simd/floating_point_mode.h"
 #include "storage.h"
 
@@ -24,20 +25,40 @@ inline constexpr int most_threads = 1024;
 
 class Workers {
  public:
-  /// `threads` as in BatchOptions. Takes `scratch_bytes` for each thread, so that a step takes none.
-  Workers(int threads, std::size_t scratch_bytes) : serial_(checked(threads) == 1) {
-    if (threads > 1) {
-      arena_ = std::make_unique<tbb::task_arena>(threads);
+  /// `threads` and `memory_domain` as in BatchOptions. Takes `scratch_bytes` for each thread, so that a step takes
+  /// none.
+  Workers(int threads, int memory_domain, std::size_t scratch_bytes)
+      : threads_(checked(threads)), domain_(checked_domain(memory_domain)) {
+    if (const int own = own_threads(); own > 1 || (own == 1 && domain_ >= 0)) {
+      const int node = domain_ < 0 ? tbb::task_arena::automatic : tbb::info::numa_nodes()[domain_];
+      arena_ = std::make_unique<tbb::task_arena>(tbb::task_arena::constraints{node, own});
       arena_->initialize();
+    } else {
+      serial_ = own == 1;
     }
-    const int count =
-        threads > 0 ? threads : std::max(tbb::info::default_concurrency(), tbb::this_task_arena::max_concurrency());
-    scratch_ = std::vector<Scratch>(static_cast<std::size_t>(count));
-    for (Scratch& scratch : scratch_) scratch.block = AlignedBlock<std::byte>(scratch_bytes);
+    const int count = arena_    ? arena_->max_concurrency()
+                      : serial_ ? 1
+                                : std::max(tbb::info::default_concurrency(), tbb::this_task_arena::max_concurrency());
+    within([&] {
+      scratch_ = std::vector<Scratch>(static_cast<std::size_t>(count));
+      for (Scratch& scratch : scratch_) scratch.block = AlignedBlock<std::byte>(scratch_bytes);
+    });
   }
 
   /// As in BatchOptions.
-  int threads() const { return serial_ ? 1 : arena_ ? static_cast<int>(scratch_.size()) : 0; }
+  int threads() const { return threads_; }
+  int memory_domain() const { return domain_; }
+
+  /// How many may work at once.
+  int concurrency() const {
+    return serial_ ? 1 : arena_ ? arena_->max_concurrency() : tbb::this_task_arena::max_concurrency();
+  }
+
+  /// Calls act() in the arena of the threads: memory that it touches first is in their memory domain.
+  template <class Act>
+  void within(const Act& act) const {
+    arena_ ? arena_->execute(act) : act();
+  }
 
   /// Calls act(first, last, scratch) for ranges of environments that cover [0, count), in the floating-point mode of a
   /// step. Ranges begin at cache lines, so no two threads write to the same line. One environment takes about
@@ -65,7 +86,7 @@ class Workers {
           },
           tbb::simple_partitioner());
     };
-    arena_ ? arena_->execute(all) : all();
+    within(all);
   }
 
  private:
@@ -78,6 +99,24 @@ class Workers {
     if (threads >= 0 && threads <= most_threads) return threads;
     throw SettingsError("threads", "is " + std::to_string(threads) + ", outside 0 to " + std::to_string(most_threads),
                         "give 0 for all, or a number");
+  }
+
+  static int checked_domain(int domain) {
+    if (domain == -1) return domain;
+    const int count = static_cast<int>(tbb::info::numa_nodes().size());
+    if (domain >= 0 && domain < count) return domain;
+    throw SettingsError("memory_domain",
+                        "is " + std::to_string(domain) + ", and this process sees " + std::to_string(count) +
+                            " domain" + (count == 1 ? "" : "s"),
+                        "give -1 for any, or 0 to " + std::to_string(count - 1));
+  }
+
+  // How many an arena of its own has; 0: that of the caller, in which no more than may be used are at work anyway.
+  int own_threads() const {
+    if (threads_ > 0) return threads_;
+    const int usable = usable_processors();
+    if (domain_ < 0) return usable < tbb::this_task_arena::max_concurrency() ? usable : 0;
+    return std::min(usable, tbb::info::default_concurrency(tbb::info::numa_nodes()[domain_]));
   }
 
   // Scratch memory that no other thread uses: the thread's own where it can be, as that is in its cache. A caller's
@@ -103,7 +142,8 @@ class Workers {
     return static_cast<std::ptrdiff_t>(std::clamp(grain, 1.0, static_cast<double>(units)));
   }
 
-  bool serial_;
+  int threads_, domain_;  // as given
+  bool serial_ = false;   // in the calling thread
   std::vector<Scratch> scratch_;
   std::unique_ptr<tbb::task_arena> arena_;
 };

@@ -38,7 +38,8 @@ void diagnose_step(const Batch<S>& batch, double time, std::vector<Watched>& wat
     std::vector<std::string> rows = batch.conflicts(e);
     if (rows.empty()) continue;
     environment.had_conflict = true;
-    if (++diagnosis.conflict_count <= most_conflicts_listed) diagnosis.conflicts.push_back({e, time, std::move(rows)});
+    if (++diagnosis.conflict_count <= most_conflicts_listed)
+      diagnosis.conflicts.push_back({static_cast<int>(batch.ids()[e]), time, std::move(rows)});
   }
 }
 

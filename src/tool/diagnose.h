@@ -14,8 +14,8 @@ inline constexpr int most_conflicts_listed = 16;
 
 /// The first step in which rows of an environment could not be met: Batch::conflicts().
 struct Conflict {
-  int environment;
-  double time;  ///< s, at the end of that step
+  int environment;  ///< its id
+  double time;      ///< s, at the end of that step
   std::vector<std::string> rows;
 };
 

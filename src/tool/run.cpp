@@ -49,7 +49,7 @@ void RunOptions::add_to(CLI::App& app) {
       ->type_name("E")
       ->check(number_from(1e-15, 1e3))
       ->excludes("--dt");
-  app.add_option("--threads", threads, "Number of threads; 0: all cores")
+  app.add_option("--threads", threads, "Number of threads; 0: as many as may be used")
       ->type_name("N")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
@@ -126,7 +126,12 @@ Run prepare(const RunOptions& options, const Inputs& inputs) {
 template <class S>
 void put_to_start(const RunOptions& options, const Inputs& inputs, Batch<S>& batch) {
   if (std::optional<Table> state = inputs.state) {
-    if (state->rows.size() == static_cast<std::size_t>(options.environments)) state->rows.resize(batch.environments());
+    require_rows(*state, options.environments);
+    if (state->rows.size() > 1) {
+      const auto first = static_cast<std::ptrdiff_t>(batch.ids()[0]), end = first + batch.environments();
+      state->rows = std::vector(state->rows.begin() + first, state->rows.begin() + end);
+      state->lines = std::vector(state->lines.begin() + first, state->lines.begin() + end);
+    }
     apply_state(*state, batch);
   }
   if (options.sigma > 0.0) perturb(options.sigma, options.seed, batch);

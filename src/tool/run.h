@@ -46,7 +46,7 @@ struct Run {
 /// and lockstep::Error.
 Run prepare(const RunOptions& options, const Inputs& inputs);
 
-/// Gives the batch the start states of the run's first environments, as many as it has.
+/// Gives the batch the start states of the run's environments that have its ids.
 template <class S>
 void put_to_start(const RunOptions& options, const Inputs& inputs, Batch<S>& batch);
 

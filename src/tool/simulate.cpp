@@ -3,14 +3,15 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "diagnose.h"
 #include "lockstep/batch.h"
+#include "lockstep/ranks.h"
 #include "output.h"
 #include "record.h"
 #include "run.h"
@@ -26,17 +27,40 @@ constexpr long longest_sampling_interval = 8;
 
 struct SimulateOptions {
   RunOptions run;
+  Rank rank;
   int recorded = 0;
-  std::string record, json;
+  std::string record, json, end_states;
+
+  IdRange ids() const { return ids_of(rank, run.environments); }
+  /// Whether this rank has the environment that is recorded.
+  bool records() const {
+    const std::int64_t place = std::int64_t{recorded} - ids().first;
+    return !record.empty() && place >= 0 && place < ids().count;
+  }
 };
+
+Rank rank_of(const std::string& text) {
+  if (text == "auto") return rank_of_launcher();
+  Rank rank;
+  const std::size_t slash = text.find('/');
+  const auto number = [&](std::size_t begin, std::size_t end, int& to) {
+    const auto [behind, error] = std::from_chars(text.data() + begin, text.data() + end, to);
+    return error == std::errc() && behind == text.data() + end;
+  };
+  if (slash == std::string::npos || !number(0, slash, rank.rank) || !number(slash + 1, text.size(), rank.ranks) ||
+      rank.rank < 0 || rank.rank >= rank.ranks)
+    throw InputError(fmt::format("--rank: '{}' is no rank; give 0/4 for the first of four, or auto", text));
+  return rank;
+}
 
 struct Outcome {
   long steps = 0;
+  int threads = 1;
   double stepping_seconds = 0.0;  ///< wall clock, in Batch::step alone
   Target target = Target::automatic;
   Engine engine = Engine::automatic;
   double coupling_error_max = 0.0, coupling_error_rms = 0.0;  ///< with loops; NaN where every environment faulted
-  int faulted = 0, first_faulted = -1;
+  int faulted = 0, first_faulted = -1;                        ///< the first is an id
   FaultReport first_fault = {};
   std::string first_joint = {};
   std::string explanation = {};  ///< Batch::explain_fault() of the first
@@ -65,12 +89,14 @@ void sample(const Batch<S>& batch, const typename Batch<S>::Array& coupling_erro
 template <class S>
 void note_faults(const Batch<S>& batch, Outcome& outcome) {
   outcome.faulted = batch.faulted();
+  int first = -1;
   for (int e = batch.environments() - 1; e >= 0; --e)
-    if (batch.faults()[e] != Fault::none) outcome.first_faulted = e;
+    if (batch.faults()[e] != Fault::none) first = e;
   if (outcome.faulted > 0) {
-    outcome.first_fault = batch.fault_report(outcome.first_faulted);
+    outcome.first_faulted = static_cast<int>(batch.ids()[first]);
+    outcome.first_fault = batch.fault_report(first);
     if (outcome.first_fault.dof >= 0) outcome.first_joint = batch.plan().dof_names()[outcome.first_fault.dof];
-    outcome.explanation = batch.explain_fault(outcome.first_faulted);
+    outcome.explanation = batch.explain_fault(first);
   }
   if (outcome.faulted == batch.environments())
     outcome.coupling_error_max = outcome.coupling_error_rms = std::numeric_limits<double>::quiet_NaN();
@@ -79,14 +105,17 @@ void note_faults(const Batch<S>& batch, Outcome& outcome) {
 template <class S>
 Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& plan, long steps) {
   const Targets targets = inputs.targets_of(plan);
-  Batch<S> batch(plan, options.run.environments, {.threads = options.run.threads, .engine = options.run.engine});
+  const IdRange ids = options.ids();
+  Batch<S> batch(plan, ids.count,
+                 {.threads = options.run.threads, .engine = options.run.engine, .first_id = ids.first});
   batch.step();  // wakes the threads and maps the memory, before the clock runs
   batch.reset();
   put_to_start(options.run, inputs, batch);
-  Recorder recorder = options.record.empty() ? Recorder() : Recorder(options.record, options.recorded, plan);
+  Recorder recorder =
+      options.records() ? Recorder(options.record, options.recorded - static_cast<int>(ids.first), plan) : Recorder();
   if (recorder.active()) recorder.add(0.0, batch, batch.coupling_errors());
 
-  Outcome outcome{.steps = steps, .target = batch.target(), .engine = batch.engine()};
+  Outcome outcome{.steps = steps, .threads = batch.threads(), .target = batch.target(), .engine = batch.engine()};
   outcome.stepping_seconds =
       advance(batch, targets, steps, recorder.active() ? 1 : longest_sampling_interval, [&](long done) {
         const typename Batch<S>::Array errors = batch.coupling_errors();
@@ -94,6 +123,7 @@ Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& pl
         if (recorder.active()) recorder.add(static_cast<double>(done) * plan.settings().dt, batch, errors);
       });
   recorder.close();
+  if (!options.end_states.empty()) write_states(options.end_states, options.rank.rank == 0, batch);
   note_faults(batch, outcome);
   return outcome;
 }
@@ -107,8 +137,9 @@ Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const 
   const auto run = [&](const StepSettings& settings) {
     const Plan recording = compile(plan.model(), settings);
     const Engine engine = options.run.engine == Engine::tables ? Engine::tables : Engine::automatic;
-    Batch<S> batch(recording, std::min(options.run.environments, most_diagnosed),
-                   {.threads = options.run.threads, .engine = engine});
+    const IdRange ids = options.ids();
+    Batch<S> batch(recording, std::min(ids.count, most_diagnosed),
+                   {.threads = options.run.threads, .engine = engine, .first_id = ids.first});
     put_to_start(options.run, inputs, batch);
     return diagnose(batch, inputs.targets_of(recording), steps);
   };
@@ -126,13 +157,8 @@ Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const 
   return diagnosis;
 }
 
-int thread_count(const SimulateOptions& options) {
-  return options.run.threads > 0 ? options.run.threads
-                                 : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-}
-
 double speed(const SimulateOptions& options, const Outcome& outcome) {
-  return static_cast<double>(outcome.steps) * options.run.environments / std::max(outcome.stepping_seconds, 1e-9);
+  return static_cast<double>(outcome.steps) * options.ids().count / std::max(outcome.stepping_seconds, 1e-9);
 }
 
 void print(const SimulateOptions& options, const Plan& plan, const Outcome& outcome) {
@@ -144,15 +170,17 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
   fmt::print("method   {}{}, {}, {}, step {} s, {} thread{}, {}, {}\n", to_string(plan.method()),
              sweeps ? fmt::format(" {}+{}", plan.settings().iterations, plan.settings().velocity_iterations) : "",
              to_string(plan.integrator()), options.run.f64 ? "f64" : "f32", fraction(plan.settings().dt),
-             thread_count(options), thread_count(options) == 1 ? "" : "s", to_string(outcome.target),
-             to_string(outcome.engine));
-  fmt::print("run      {} environments x {} steps = {:.6g} s each\n", options.run.environments, outcome.steps,
-             simulated);
+             outcome.threads, outcome.threads == 1 ? "" : "s", to_string(outcome.target), to_string(outcome.engine));
+  const IdRange ids = options.ids();
+  if (options.rank.ranks > 1)
+    fmt::print("rank     {} of {}: ids {} to {} of {} environments\n", options.rank.rank, options.rank.ranks, ids.first,
+               ids.first + static_cast<unsigned>(ids.count) - 1, options.run.environments);
+  fmt::print("run      {} environments x {} steps = {:.6g} s each\n", ids.count, outcome.steps, simulated);
   if (std::abs(simulated - options.run.seconds) > 1e-9 * options.run.seconds)
     fmt::print("         (rounded: {:.6g} s is not a whole number of steps)\n", options.run.seconds);
   fmt::print("speed    {} env-steps/s in {:.3g} s of stepping\n", with_prefix(speed(options, outcome)),
              outcome.stepping_seconds);
-  if (outcome.faulted == options.run.environments)
+  if (outcome.faulted == ids.count)
     fmt::print("|C|      none: every environment faulted\n");
   else
     fmt::print("|C|      max {:.2e}, rms at the end {:.2e} (rad, m)\n", outcome.coupling_error_max,
@@ -220,11 +248,12 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   json["iterations"] = plan.settings().iterations;
   json["velocity_iterations"] = plan.settings().velocity_iterations;
   json["precision"] = options.run.f64 ? "f64" : "f32";
-  json["threads"] = thread_count(options);
+  json["threads"] = outcome.threads;
   json["target"] = to_string(outcome.target);
   json["engine"] = to_string(outcome.engine);
   json["dt"] = plan.settings().dt;
-  json["envs"] = options.run.environments;
+  json["envs"] = options.ids().count;
+  json["first_id"] = options.ids().first;
   json["steps"] = outcome.steps;
   json["seconds"] = static_cast<double>(outcome.steps) * plan.settings().dt;
   json["stepping_seconds"] = outcome.stepping_seconds;
@@ -249,8 +278,9 @@ int run(const SimulateOptions& options) {
   if (options.recorded >= options.run.environments)
     throw InputError(fmt::format("--record-env: {} is not below the number of environments, {}", options.recorded,
                                  options.run.environments));
-  keep_apart(options.run.files(), {options.record, options.json});
-  for (const std::string& output : {options.record, options.json}) require_writable(output);  // before a long run
+  const std::vector<std::string> outputs = {options.record, options.json, options.end_states};
+  keep_apart(options.run.files(), outputs);
+  for (const std::string& output : outputs) require_writable(output);  // before a long run
   const Inputs inputs(options.run);
   const auto [plan, steps, visual_meshes] = prepare(options.run, inputs);
   const Outcome outcome =
@@ -267,8 +297,8 @@ int run(const SimulateOptions& options) {
   if (outcome.faulted == 0) return fine;
   std::fflush(stdout);
   to_stderr(
-      fmt::format("{} of {} environments faulted; the first is number {}: {}", outcome.faulted,
-                  options.run.environments, outcome.first_faulted,
+      fmt::format("{} of {} environments faulted; the first is number {}: {}", outcome.faulted, options.ids().count,
+                  outcome.first_faulted,
                   outcome.explanation.substr(outcome.explanation.find(": ") + 2)));  // without the environment's number
   return some_faulted;
 }
@@ -279,6 +309,14 @@ void add_simulate(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("simulate", "Steps many environments; says how fast and how accurately");
   const auto options = std::make_shared<SimulateOptions>();
   options->run.add_to(*command);
+  add_parsed(*command, "--rank", options->rank, rank_of,
+             "Simulates the share of --envs that rank R of N has; auto: what mpirun, torchrun or Slurm say")
+      ->type_name("R/N");
+  command
+      ->add_option("--end-states", options->end_states,
+                   "Writes the last state of each environment as CSV, as --state reads it. Only rank 0 writes the "
+                   "line of names")
+      ->type_name("FILE");
   command->add_option("--record", options->record, "Writes one environment's trajectory as CSV")->type_name("FILE");
   command->add_option("--record-env", options->recorded, "The environment that --record writes, from 0")
       ->type_name("I")

@@ -2,6 +2,7 @@
 #include "state.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +10,7 @@
 #include <map>
 #include <random>
 
+#include "output.h"
 #include "ranges.h"
 #include "tool.h"
 
@@ -110,14 +112,18 @@ typename Batch<S>::View state_view(Batch<S>& batch, Kind kind) {
   return batch.root_velocities();
 }
 
+void require_rows(const Table& table, int environments) {
+  if (table.rows.size() != 1 && table.rows.size() != static_cast<std::size_t>(environments))
+    throw InputError(fmt::format("{}: has {} rows for {} environments; give one row for all or one for each",
+                                 table.file, table.rows.size(), environments));
+}
+
 template <class S>
 void apply_state(const Table& table, Batch<S>& batch) {
   const std::vector<StateColumn> columns = columns_of(table, batch.plan());
   const int environments = batch.environments();
   const bool one_for_all = table.rows.size() == 1;
-  if (!one_for_all && table.rows.size() != static_cast<std::size_t>(environments))
-    throw InputError(fmt::format("{}: has {} rows for {} environments; give one row for all or one for each",
-                                 table.file, table.rows.size(), environments));
+  require_rows(table, environments);
   const auto write = [&] {
     for (std::size_t c = 0; c < columns.size(); ++c) {
       auto row = state_view(batch, columns[c].kind).row(columns[c].row);
@@ -157,6 +163,23 @@ Model with_state(Model model, const Table& table) {
   return model;
 }
 
+template <class S>
+void write_states(const std::string& path, bool with_names, Batch<S>& batch) {
+  OutputFile file(path);
+  const std::vector<StateColumn> columns = state_columns(batch.plan());
+  std::vector<std::string> cells;
+  const auto write_line = [&] { file.write(fmt::format("{}\n", fmt::join(cells, ","))); };
+  for (const StateColumn& column : columns) cells.push_back(csv_field(column.name));
+  if (with_names) write_line();
+  for (int e = 0; e < batch.environments(); ++e) {
+    cells.clear();
+    for (const StateColumn& column : columns)
+      cells.push_back(fmt::to_string(state_view(batch, column.kind)(column.row, e)));
+    write_line();
+  }
+  file.close();
+}
+
 namespace {
 
 // A draw of the noise that leaves `start` within the range, or as far outside as it is.
@@ -177,12 +200,13 @@ template <class S>
 void perturb(double sigma, std::uint64_t seed, Batch<S>& batch) {
   const Plan& plan = batch.plan();
   const std::vector<Range> held = held_ranges(plan), usable = usable_ranges(plan);
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> noise(0.0, sigma);
   auto positions = batch.positions();
   batch.project(EnvironmentSet::all(), Couplings::all);
   const typename Batch<S>::Array start = positions;
   for (int e = 0; e < batch.environments(); ++e) {
+    std::seed_seq words{static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32), batch.ids()[e]};
+    std::mt19937_64 random(words);
+    std::normal_distribution<double> noise(0.0, sigma);
     for (const int dof : plan.independent_dofs())
       positions(dof, e) = static_cast<S>(drawn(start(dof, e), usable[dof], [&] { return noise(random); }));
     // A follower of several leaders may be beyond its range yet: then all noise of the environment shrinks.
@@ -203,6 +227,8 @@ template Batch<float>::View state_view(Batch<float>&, Kind);
 template Batch<double>::View state_view(Batch<double>&, Kind);
 template void apply_state(const Table&, Batch<float>&);
 template void apply_state(const Table&, Batch<double>&);
+template void write_states(const std::string&, bool, Batch<float>&);
+template void write_states(const std::string&, bool, Batch<double>&);
 template void perturb(double, std::uint64_t, Batch<float>&);
 template void perturb(double, std::uint64_t, Batch<double>&);
 

@@ -26,6 +26,7 @@ struct Area {
 
 const std::vector<Area> areas = {
     {"include/lockstep/c.h", {"stdint.h"}},
+    {"include/lockstep/mpi.h", {"include/lockstep/", "std", "Eigen/", "mpi.h"}},
     {"include/lockstep/", {"std", "Eigen/"}},
     {"src/model/",
      {"include/lockstep/model.h", "include/lockstep/softness.h", "include/lockstep/enums.h", "include/lockstep/error.h",
@@ -103,6 +104,9 @@ const std::vector<Area> areas = {
     {"src/batch/",
      {"include/lockstep/", "src/jit/compile.h", "src/jit/frame.h", "src/plan/", "src/model/", "src/simd/",
       "src/targets/", "std", "Eigen/", "fmt/", "tbb/", "sys/mman.h", "zlib.h"}},
+    {"src/ranks/",
+     {"include/lockstep/", "src/batch/blob", "src/files/", "std", "fmt/", "nlohmann/", "fcntl.h", "unistd.h",
+      "zlib.h"}},
     {"src/reference/", {"include/lockstep/", "src/model/", "std", "Eigen/"}},
     {"src/report/",
      {"include/lockstep/", "src/plan/", "src/jit/compile.h", "src/targets/registry.h", "src/targets/reduced_matrix.h",

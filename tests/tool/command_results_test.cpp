@@ -1,6 +1,8 @@
 // The built command as a user runs it: targets, results, engines, faults. SPDX-License-Identifier: Apache-2.0
 #include "command.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -165,6 +167,53 @@ TEST_F(Command, perturbed_starts_differ_satisfy_the_couplings_and_repeat) {
   const Table table = read_csv(path("record.csv"));
   EXPECT_NE(table.rows[0][1], 0.0);
   for (const int coupling : {9, 10}) EXPECT_LT(std::abs(table.rows[0][coupling]), 1e-15);
+}
+
+TEST_F(Command, ranks_end_together_as_one_process_does) {
+  std::string starts = "wrist.v\n";
+  for (int e = 0; e < 11; ++e) starts += std::to_string(e) + "\n";
+  const std::string state = write("starts.csv", starts);
+  const auto end = [&](const std::string& rank, Arguments more = {}) {
+    Arguments arguments = {"simulate",     model,           "--envs",  "11",          "--seconds", "0.2",
+                           "--perturb",    "0.1",           "--state", state,         "--rank",    rank,
+                           "--end-states", path("end.csv"), "--json",  path("r.json")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Ran ran = run(arguments);
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    return contents(path("end.csv"));
+  };
+  const std::string alone = end("0/1", {"--record", path("alone.csv"), "--record-env", "6"});
+  for (const int ranks : {2, 3, 4}) {
+    std::string joined;
+    for (int rank = 0; rank < ranks; ++rank) joined += end(fmt::format("{}/{}", rank, ranks));
+    EXPECT_EQ(joined, alone) << ranks;
+  }
+  EXPECT_EQ(nlohmann::json::parse(contents(path("r.json"))).at("first_id"), 9);
+  // The rank that has the environment records it, and it goes on from a file to the same bits.
+  end("0/2", {"--record", path("first.csv"), "--record-env", "6"});
+  end("1/2", {"--record", path("second.csv"), "--record-env", "6"});
+  EXPECT_FALSE(std::filesystem::exists(path("first.csv")));
+  EXPECT_EQ(contents(path("second.csv")), contents(path("alone.csv")));
+  const Table table = read_csv(write("states.csv", alone));
+  EXPECT_EQ(table.rows.size(), 11u);
+  EXPECT_NE(table.rows[0], table.rows[1]);
+  // From its end it goes on as it would have: what the file has are the bits.
+  const auto from = [&](const std::string& states, const std::string& seconds) {
+    EXPECT_EQ(run({"simulate", model, "--envs", "11", "--state", states, "--seconds", seconds, "--end-states",
+                   path("end.csv")})
+                  .status,
+              0);
+    return contents(path("end.csv"));
+  };
+  const std::string half = write("half.csv", from(state, "24/240"));
+  EXPECT_EQ(from(half, "24/240"), from(state, "48/240"));
+  EXPECT_EQ(run({"simulate", model, "--envs", "22", "--rank", "0/2", "--state", state}).status, 2) << "11 rows for 22";
+  for (const char* const wrong : {"2/2", "1", "/2", "0/", "-1/2", "x/2", "0/0", "1/2/3"}) {
+    const Ran ran = run({"simulate", model, "--rank", wrong});
+    EXPECT_EQ(ran.status, 2) << wrong;
+    EXPECT_NE(ran.err.find("--rank"), std::string::npos) << ran.err;
+  }
+  EXPECT_EQ(run({"simulate", model, "--envs", "2", "--rank", "0/3"}).status, 2);
 }
 
 TEST_F(Command, reports_faults_with_exit_code_1_and_one_line) {

@@ -17,8 +17,14 @@ inline thread_local int index = 0;        // of this thread in it
 inline std::atomic<int> allowed{1 << 20};
 }  // namespace by_threads
 
+struct constraints {
+  int numa_id = -1, max_concurrency = -1;
+};
+
 namespace info {
 inline int default_concurrency() { return std::max(2, static_cast<int>(std::thread::hardware_concurrency())); }
+inline int default_concurrency(int) { return default_concurrency(); }
+inline std::vector<int> numa_nodes() { return {-1}; }
 }  // namespace info
 
 namespace this_task_arena {
@@ -31,8 +37,12 @@ inline int current_thread_index() { return by_threads::index; }
 
 class task_arena {
  public:
+  using constraints = tbb::constraints;
+  static constexpr int automatic = -1;
   explicit task_arena(int threads) : threads_(threads) {}
+  explicit task_arena(constraints own) : threads_(own.max_concurrency) {}
   void initialize() {}
+  int max_concurrency() const { return threads_; }
   template <class Function>
   void execute(const Function& function) {
     const int before = by_threads::concurrency;
