@@ -46,8 +46,7 @@ void bind_ranks(py::module_& module) {
       },
       "rank"_a, "ranks"_a, "num_envs"_a, "first_id"_a = 0,
       "(first_id, num_envs) of a rank that shares num_envs environments with the others: ranges that follow each "
-      "other, "
-      "in the order of the ranks, whose lengths differ by at most one.");
+      "other, in the order of the ranks, whose lengths differ by at most one.");
   module.def(
       "require_partition",
       [](const std::vector<Range>& by_rank, std::int64_t num_envs, std::uint32_t first_id) {

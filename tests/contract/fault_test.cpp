@@ -4,9 +4,12 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <random>
+#include <set>
 
 #include "bounded_scenes.h"
 #include "lockstep/error.h"
+#include "scenes/any_model.h"
 
 namespace lockstep {
 namespace {
@@ -178,6 +181,51 @@ TEST(Fault, is_found_where_nothing_reads_what_is_not_finite) {
             }
           }
     }
+}
+
+// Writes NaN and infinity into every row of the state that is not placed by others.
+template <class S>
+void expect_found(const Plan& plan, Engine engine) {
+  Batch<S> batch(plan, 3, {.threads = 1, .engine = engine});
+  std::set<int> placed(plan.follower_dofs().begin(), plan.follower_dofs().end());
+  const std::vector<std::string>& names = plan.dof_names();
+  for (const Joint& joint : plan.model().joints)
+    if (joint.kind == JointKind::tendon) placed.insert(plan.dof(joint.name));
+  for (const int part : {0, 1, 2, 3}) {
+    const auto rows = [&]() -> typename Batch<S>::View {
+      return part == 0   ? batch.positions()
+             : part == 1 ? batch.velocities()
+             : part == 2 ? batch.root_poses()
+                         : batch.root_velocities();
+    };
+    for (int row = 0; row < rows().rows(); ++row)
+      for (const double number : {nan, HUGE_VAL}) {
+        if (part < 2 && placed.contains(row)) continue;
+        SCOPED_TRACE(fmt::format("part {}, {}, {}", part, part < 2 ? names[row] : fmt::to_string(row), number));
+        batch.reset();
+        rows()(row, 1) = static_cast<S>(number);
+        batch.step();
+        EXPECT_NE(batch.faults()[1], Fault::none);
+      }
+  }
+}
+
+TEST(Fault, finds_whatever_is_not_finite_in_random_models_of_every_feature) {
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    std::vector<std::uint8_t> bytes(1024);
+    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random() >> 56);
+    scenes::AnyModel any(bytes);
+    const Model model = any.model();
+    const StepSettings settings = any.settings();
+    try {
+      const Plan plan = compile(model, settings);
+      for (const Engine engine : {Engine::tables, Engine::automatic})
+        seed % 2 == 0 ? expect_found<float>(plan, engine) : expect_found<double>(plan, engine);
+    } catch (const Error&) {  // refused
+    }
+  }
 }
 
 TEST(Fault, freezes_at_the_last_good_substep) {
