@@ -113,6 +113,13 @@ def test_a_killed_run_goes_on_from_its_last_checkpoint_on_other_ranks(mpi, tmp_p
     assert (folder / "positions.npy").read_bytes() == (tmp_path / "whole" / "positions.npy").read_bytes()
 
 
+def test_a_population_that_ranks_share_finds_the_same(mpi):
+    command = (EXAMPLES / "identify_cma.py", "--generations", 10)
+    alone = subprocess.run([sys.executable, *map(str, command)], capture_output=True, text=True, check=True).stdout
+    assert "generation  10" in alone
+    assert finished(mpirun(3, *command, "--mpi")) == alone
+
+
 WRONG = """
 import numpy as np
 import lockstep as ls

@@ -37,7 +37,8 @@ constexpr double truth_share = 0.2;       // of the progress bar
 struct ChartOptions {
   ModelOptions model;
   Ignored ignore;
-  std::string out, csv, python, state;
+  std::string out, csv, python, state, table;
+  Rank rank;
   int environments = 0;  // 0: as many as fit the budget
   double seconds = 1.0, budget = 25.0;
 };
@@ -83,7 +84,9 @@ struct Measured {
 Measured measure(const ChartOptions& options, const Model& model, const Truth& truth,
                  const std::function<void(double)>& tick) {
   const int samples = static_cast<int>(truth.positions.cols());
-  const std::vector<ChartSetting> settings = possible_settings(model, options.ignore);
+  std::vector<ChartSetting> settings = possible_settings(model, options.ignore);
+  const IdRange share = ids_of(options.rank, static_cast<std::int64_t>(settings.size()));
+  settings = std::vector(settings.begin() + share.first, settings.begin() + share.first + share.count);
   Measured result{{}, options.environments};
   std::vector<Plan> plans;
   std::vector<double> expected;
@@ -124,11 +127,12 @@ std::string csv_line(const ChartPoint& point) {
                      point.faulted ? 1 : 0);
 }
 
-void write_csv(const std::string& path, const std::vector<ChartPoint>& points) {
+void write_csv(const std::string& path, bool with_names, const std::vector<ChartPoint>& points) {
   OutputFile file(path);
-  file.write(
-      "method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
-      "env_steps_per_second,faulted\n");
+  if (with_names)
+    file.write(
+        "method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
+        "env_steps_per_second,faulted\n");
   for (const ChartPoint& point : points) file.write(csv_line(point));
   file.close();
 }
@@ -224,12 +228,19 @@ void advise(const Truth& truth, const std::vector<ChartPoint>& points, const cha
   print_last();
 }
 
+// Draws what ranks have measured.
+void draw_again(const ChartOptions& options, const std::string& out, int samples) {
+  const Model model = with_start(options, options.model.load(options.ignore).model);
+  const Truth truth = find_truth(model, options.ignore, samples, [](double) {});
+  draw(options, options.table, out, caption(model, truth, options.environments, samples));
+}
+
 void run(const ChartOptions& options) {
   const std::filesystem::path stem = std::filesystem::path(options.model.file).stem();
   const std::string out = options.out.empty() ? stem.string() + "_chart.svg" : options.out;
   const std::string csv =
       options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv;
-  keep_apart({options.model.file, options.state}, {out, csv});
+  keep_apart({options.model.file, options.state, options.table}, {out, csv});
   require_writable(csv), require_writable(out);  // a bad name should not cost the measurement
   if (!std::filesystem::path(out).has_extension() || std::filesystem::is_fifo(out))
     throw InputError(fmt::format("{}: is no picture; give the name of a file that ends with .svg, .png or .pdf", out));
@@ -237,6 +248,7 @@ void run(const ChartOptions& options) {
     throw InputError(
         fmt::format("--seconds: {} s is too long for a chart; give at most {}", options.seconds, longest_motion));
   const int samples = std::max(1, static_cast<int>(std::lround(options.seconds * samples_per_second)));
+  if (!options.table.empty()) return draw_again(options, out, samples);
 
   const Model model = with_start(options, options.model.load(options.ignore).model);
 
@@ -249,10 +261,11 @@ void run(const ChartOptions& options) {
     measured = measure(options, model, truth,
                        [&](double share) { progress.update(100.0 * (truth_share + (1.0 - truth_share) * share)); });
   }
-  write_csv(csv, measured.points);
+  write_csv(csv, options.rank.rank == 0, measured.points);
   report(model, truth, measured.points);
   advise(truth, measured.points, unit_of(model));
   fmt::print("table    {}\n", csv);
+  if (options.rank.ranks > 1) return fmt::print("picture  none: --table draws the tables of all ranks as one\n");
   draw(options, csv, out, caption(model, truth, measured.environments, samples));
 }
 
@@ -282,6 +295,10 @@ void add_chart(CLI::App& app, int& exit_code) {
       ->capture_default_str()
       ->check(number_from(0.01, 1e5));
   command->add_option("--state", options->state, "CSV of the start state, one row")->type_name("FILE");
+  add_rank(*command, options->rank, "Measures the share of the settings that rank R of N has, and draws nothing");
+  command->add_option("--table", options->table, "Draws this table, of all ranks, and measures nothing")
+      ->type_name("FILE")
+      ->check(CLI::ExistingFile);
   command->add_option("--python", options->python, "A Python that has matplotlib")->type_name("PATH");
   command->callback([options, &exit_code] {
     run(*options);

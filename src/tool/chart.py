@@ -236,7 +236,8 @@ def main(table, picture, caption):
                            wspace=0.17)
     figure.text(left, down(0.42), f"{caption['model']}: error against cost", fontsize=17, fontweight="bold", color=INK)
     seconds = f"{caption['seconds']:g} s simulated"
-    machine = f"{caption['cpu']} ({caption['target']}), {caption['environments']} environments at once"
+    at_once = f", {caption['environments']} environments at once" if caption["environments"] else ""
+    machine = f"{caption['cpu']} ({caption['target']}){at_once}"
     loops = f"{caption['loops']} loop{'s' * (caption['loops'] > 1)}, " if caption["loops"] else ""
     mechanism = f"{caption['joints']} joints, {caption['couplings']} couplings, {loops}{caption['base']} base"
     separator = "  \u00b7  " if coupled else "\n"

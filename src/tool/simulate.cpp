@@ -3,7 +3,6 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
-#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -38,20 +37,6 @@ struct SimulateOptions {
     return !record.empty() && place >= 0 && place < ids().count;
   }
 };
-
-Rank rank_of(const std::string& text) {
-  if (text == "auto") return rank_of_launcher();
-  Rank rank;
-  const std::size_t slash = text.find('/');
-  const auto number = [&](std::size_t begin, std::size_t end, int& to) {
-    const auto [behind, error] = std::from_chars(text.data() + begin, text.data() + end, to);
-    return error == std::errc() && behind == text.data() + end;
-  };
-  if (slash == std::string::npos || !number(0, slash, rank.rank) || !number(slash + 1, text.size(), rank.ranks) ||
-      rank.rank < 0 || rank.rank >= rank.ranks)
-    throw InputError(fmt::format("--rank: '{}' is no rank; give 0/4 for the first of four, or auto", text));
-  return rank;
-}
 
 struct Outcome {
   long steps = 0;
@@ -309,9 +294,7 @@ void add_simulate(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("simulate", "Steps many environments; says how fast and how accurately");
   const auto options = std::make_shared<SimulateOptions>();
   options->run.add_to(*command);
-  add_parsed(*command, "--rank", options->rank, rank_of,
-             "Simulates the share of --envs that rank R of N has; auto: what mpirun, torchrun or Slurm say")
-      ->type_name("R/N");
+  add_rank(*command, options->rank, "Simulates the share of --envs that rank R of N has");
   command
       ->add_option("--end-states", options->end_states,
                    "Writes the last state of each environment as CSV, as --state reads it. Only rank 0 writes the "

@@ -143,6 +143,32 @@ TEST_F(Chart, runs_let_simulate_choose_a_step_for_a_tolerance) {
   EXPECT_EQ(with({"--tolerance", "1e-3", "--dt", "1/240"}).status, 2) << "--tolerance chooses the step";
 }
 
+TEST_F(Chart, of_several_ranks_is_that_of_one_process) {
+  const auto table = [&](const std::string& rank) {
+    const Ran ran = chart({"--out", picture(), "--rank", rank, "--python", "/no/such/python"});
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    return contents(path("a 'chart'.csv"));
+  };
+  // Settings and errors; costs are measured anew.
+  const auto errors = [&](const std::string& text) {
+    std::vector<std::string> all;
+    for (const std::string& row : lines(text)) {
+      std::size_t end = 0;
+      for (int cell = 0; cell < 7; ++cell) end = row.find(',', end + 1);
+      all.push_back(row.substr(0, end));
+    }
+    return all;
+  };
+  const std::string alone = table("0/1"), joined = table("0/3") + table("1/3") + table("2/3");
+  EXPECT_EQ(errors(joined), errors(alone));
+  EXPECT_FALSE(std::filesystem::exists(picture()));
+  if (!find_python("")) GTEST_SKIP() << "no Python with matplotlib here";
+  const Ran drawn = chart({"--out", picture(), "--table", write("joined.csv", joined)});
+  EXPECT_EQ(drawn.status, 0) << drawn.err;
+  EXPECT_NE(contents(picture()).find("<svg"), std::string::npos);
+  EXPECT_EQ(chart({"--out", picture(), "--table", path("none.csv")}).status, 2);
+}
+
 TEST_F(Chart, draws_a_picture_with_a_python) {
   if (!find_python("")) GTEST_SKIP() << "no Python with matplotlib here";
   const Ran ran = chart({"--out", picture()});

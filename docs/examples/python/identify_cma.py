@@ -1,6 +1,7 @@
 # Finds parameters of an arm from a recorded motion. SPDX-License-Identifier: Apache-2.0
 """CMA-ES (Hansen 2016) of rollouts: each candidate is an environment with frictions, dampings and masses of its own, and
-all of a generation are stepped in one call. Needs numpy alone."""
+all of a generation are stepped in one call. Needs numpy alone. `mpirun -n 4 python3 identify_cma.py --mpi` shares each
+generation among ranks, and finds the same numbers."""
 
 import argparse
 import pathlib
@@ -8,6 +9,7 @@ import pathlib
 import numpy as np
 
 import lockstep as ls
+from lockstep.ranks import ids_of
 
 URDF = pathlib.Path(__file__).parents[3] / "tests" / "models" / "gripper.urdf"
 JOINTS, LINKS = ["shoulder_yaw", "shoulder_pitch", "elbow"], ["upper_arm", "forearm"]
@@ -69,21 +71,23 @@ def cma_es(cost, start, sigma, generations, population, random, report):
     return mean
 
 
-def identify(compiled, generations=60, population=64, seed=0, report=print):
-    """Returns names, true and found parameters."""
-    random = np.random.default_rng(seed)
-    found, batch = columns(compiled), compiled.batch(population, dtype="f8")
+def identify(compiled, generations=60, population=64, seed=0, report=print, comm=None):
+    """Returns names, true and found parameters. With a communicator of MPI each rank has a share of the population."""
+    random = np.random.default_rng(seed)  # the same on all ranks, and so are the candidates
+    first, own = ids_of(comm.rank, comm.size, population) if comm else (0, population)
+    found, batch = columns(compiled), compiled.batch(own, dtype="f8")
     model = np.array([compiled_value if (compiled_value := batch.parameter(field)[0, column]) > 0 else 0.1
                       for field, column, _ in found])
     times = np.arange(STEPS) / STEPS
     one = 0.6 * np.sin(2 * np.pi * (times[:, None] * np.arange(1, 1 + len(compiled.driven_dofs)) + 0.2))
-    controls = np.broadcast_to(one, (population, *one.shape))  # all the same memory
+    controls = np.broadcast_to(one, (own, *one.shape))  # all the same memory
     truth = model * np.exp(random.uniform(-0.7, 0.7, len(model)))
-    recorded = motions(batch, found, np.tile(truth, (population, 1)), controls)[0]
+    recorded = motions(batch, found, np.tile(truth, (own, 1)), controls)[0]
 
     def cost(logarithms):
-        error = motions(batch, found, model * np.exp(logarithms), controls) - recorded
-        return (error ** 2).mean(axis=(1, 2))
+        error = motions(batch, found, model * np.exp(logarithms[first : first + own]), controls) - recorded
+        costs = (error ** 2).mean(axis=(1, 2))
+        return np.concatenate(comm.allgather(costs)) if comm else costs
 
     logarithms = cma_es(cost, np.zeros(len(model)), 0.3, generations, population, random, report)
     return [f"{field} {name}" for field, _, name in found], truth, model * np.exp(logarithms)
@@ -92,9 +96,16 @@ def identify(compiled, generations=60, population=64, seed=0, report=print):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--generations", type=int, default=60)
+    parser.add_argument("--mpi", action="store_true", help="share the population among the ranks of mpirun")
     options = parser.parse_args()
-    for name, true, found in zip(*identify(plan(), options.generations)):
-        print(f"{name:24s} true {true:8.4f}  found {found:8.4f}")
+    comm = None
+    if options.mpi:
+        from mpi4py import MPI
+        comm = MPI.COMM_WORLD
+    is_root = comm is None or comm.rank == 0
+    told = print if is_root else lambda line: None
+    for name, true, found in zip(*identify(plan(), options.generations, report=told, comm=comm)):
+        told(f"{name:24s} true {true:8.4f}  found {found:8.4f}")
 
 
 if __name__ == "__main__":
