@@ -18,6 +18,7 @@
 #include "scenes/scenes.h"
 #include "stage_kernels.h"
 #include "tool/csv.h"
+#include "tool/output.h"
 #include "tool/progress.h"
 
 namespace lockstep::bench {

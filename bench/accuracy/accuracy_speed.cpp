@@ -16,6 +16,7 @@
 #include "lockstep/import.h"
 #include "tool/chart_runs.h"
 #include "tool/csv.h"
+#include "tool/output.h"
 #include "tool/progress.h"
 
 namespace lockstep::peers {

@@ -11,6 +11,7 @@
 #include "loads.h"
 #include "lockstep/batch.h"
 #include "tool/csv.h"
+#include "tool/output.h"
 
 namespace lockstep {
 namespace {

@@ -12,6 +12,7 @@
 #include "../peak.h"
 #include "judgement.h"
 #include "tool/csv.h"
+#include "tool/output.h"
 #include "tool/progress.h"
 
 namespace lockstep::peers {

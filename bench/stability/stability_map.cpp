@@ -10,6 +10,8 @@
 
 #include "judgement.h"
 #include "tool/csv.h"
+#include "tool/options.h"
+#include "tool/output.h"
 #include "tool/progress.h"
 
 namespace lockstep::stability {
@@ -33,16 +35,21 @@ std::vector<std::vector<Point>> batches(const Map& map, Method method) {
   return result;
 }
 
-void run(const Map& map, const std::filesystem::path& folder) {
+// The share of the rank. Only rank 0 writes the line of names, so the files of all ranks, one behind the other, are
+// one.
+void run(const Map& map, const std::filesystem::path& folder, const Rank& rank) {
   constexpr Method methods[] = {Method::pgs, Method::tgs, Method::direct, Method::reduced};
-  double total = 0.0, done = 0.0;
-  for (const Method method : methods) total += static_cast<double>(batches(map, method).size());
+  std::int64_t total = 0, place = 0;
+  for (const Method method : methods) total += static_cast<std::int64_t>(batches(map, method).size());
+  const IdRange own = ids_of(rank, total);
+  double done = 0.0;
   fmt::print(stderr, "{}\n", map.name);
-  tool::Progress progress(total, "batches");
+  tool::Progress progress(own.count, "batches");
   tool::OutputFile file((folder / (map.name + ".csv")).string());
-  file.write(fmt::format("{},{},method,class,error,energy_excess,fault\n", map.x.name, map.y.name));
+  if (rank.rank == 0) file.write(fmt::format("{},{},method,class,error,energy_excess,fault\n", map.x.name, map.y.name));
   for (const Method method : methods)
     for (const std::vector<Point>& points : batches(map, method)) {
+      if (const std::int64_t its = place++ - own.first; its < 0 || its >= own.count) continue;
       std::vector<Setup> setups;
       for (const Point& point : points) setups.push_back(map.at(point.x, point.y));
       const std::vector<Verdict> verdicts = judge(map, method, setups);
@@ -64,19 +71,23 @@ int main(int argc, char** argv) {
   using namespace lockstep::stability;
   CLI::App app("Maps where each method is stable or accurate, and how it fails.", "stability_map");
   std::string folder;
+  lockstep::Rank rank;
   std::vector<std::string> names, known;
   bool quick = false;
   for (const Map& map : all_maps(false)) known.push_back(map.name);
   app.add_option("--out", folder, "Folder for the CSV files")->required();
   app.add_option("--maps", names, "Writes these maps alone")->delimiter(',')->check(CLI::IsMember(known));
   app.add_flag("--quick", quick, "Takes a coarse grid");
-  CLI11_PARSE(app, argc, argv);
+  lockstep::tool::add_rank(app, rank, "Makes the share of each map that rank R of N has");
   try {
+    app.parse(argc, argv);
     std::filesystem::create_directories(folder);
     for (const Map& map : all_maps(quick))
-      if (names.empty() || std::count(names.begin(), names.end(), map.name) > 0) run(map, folder);
+      if (names.empty() || std::count(names.begin(), names.end(), map.name) > 0) run(map, folder, rank);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "stability_map: {}\n", error.what());
+    fmt::print(stderr, "stability_map: rank {} of {}: {}\n", rank.rank, rank.ranks, error.what());
     return 1;
   }
 }

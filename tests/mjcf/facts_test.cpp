@@ -171,7 +171,7 @@ Efforts passed_on(Efforts sums, const Model& model, const Efforts& q) {
 TEST_P(MjcfFacts, hold_for_inertia_energy_and_efforts) {
   Model open = model();
   open.loops.clear();  // they do not close together
-  const Plan plan = compile(open, {.ignore = {.position_limits = {.all = true}}});
+  const Plan plan = compile(open, {.ignore = {.position_limits = true}});
   Batch<double> batch(plan, 1);
   Efforts q, v, theirs;
   for (const json& fact : facts["joints"]) {
