@@ -487,10 +487,10 @@ Table table() {
   std::vector<std::string> obstacles;
   std::ostringstream rows;
   for (const std::vector<Feature>& features : scenes) {
-    const auto [model, settings, name] = Scene(features);
-    rows << "| " << (name.empty() ? "nothing" : name);
+    const Scene scene(features);
+    rows << "| " << (scene.name.empty() ? "nothing" : scene.name);
     const auto add = [&](Method method, Integrator integrator) {
-      const Cell found = cell(model, settings, method, integrator);
+      const Cell found = cell(scene.model, scene.settings, method, integrator);
       if (!found.obstacle.empty()) {
         auto place = std::find(obstacles.begin(), obstacles.end(), found.obstacle);
         if (place == obstacles.end()) place = obstacles.insert(place, found.obstacle);
