@@ -87,8 +87,9 @@ TEST(Facets, beyond_the_edges_there_is_nothing) {
 // The two slots of a ball rarely miss the nearest triangle, on slopes of 45 degrees at random: by its radius, the share
 // of balls whose gap is off by more than a ten-thousandth of it, and by more than a tenth.
 TEST(Facets, a_ball_no_larger_than_a_cell_finds_the_nearest_triangle) {
-  for (const auto& [radius, most_off, most_far_off] :
+  for (const auto& [ball, most_off, most_far_off] :
        {std::tuple(0.02, 0.01, 0.001), std::tuple(0.05, 0.02, 0.002), std::tuple(0.08, 0.04, 0.002)}) {
+    const double radius = ball;
     Random random(3);
     int near = 0, off = 0, far_off = 0;
     for (int i = 0; i < 20000; ++i) {

@@ -718,12 +718,11 @@ TEST(Combinations, that_are_refused_are_obstacles_of_the_plan_by_default) {
       try {
         compile(model, asked);
       } catch (const SettingsError& error) {
-        const bool by_method = error.element() == "method";
+        const std::string what = error.element() == "method" ? to_string(method) : to_string(integrator);
         EXPECT_TRUE(std::any_of(obstacles.begin(), obstacles.end(),
                                 [&](const Obstacle& o) {
-                                  return o.applies_to == (by_method ? to_string(method) : to_string(integrator)) &&
-                                         error.rule().ends_with(o.reason) && error.remedy() == o.remedy &&
-                                         !o.feature.empty();
+                                  return o.applies_to == what && error.rule().ends_with(o.reason) &&
+                                         error.remedy() == o.remedy && !o.feature.empty();
                                 }))
             << name << ": " << error.what();
         ++refused;

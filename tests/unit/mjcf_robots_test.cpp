@@ -122,7 +122,7 @@ TEST_P(MjcfModels, have_the_energies_of_mujoco) {
   model.couplings.clear();
   std::erase_if(model.joints, [](const Joint& own) { return own.kind == JointKind::tendon; });
   for (Joint& own : model.joints) own.lower = -infinity, own.upper = infinity, own.drive = {};
-  const Plan plan = compile(model, {.ignore = {.position_limits = {.all = true}}});
+  const Plan plan = compile(model, {.ignore = {.position_limits = true}});
   Batch<double> batch(plan, 1);
   const bool floats = model.roots[0].floating;
   const json& at_start = expected["at_qpos0"]["mass_matrix_diagonal"];
