@@ -10,9 +10,9 @@
 
 #include "judgement.h"
 #include "tool/csv.h"
-#include "tool/options.h"
 #include "tool/output.h"
 #include "tool/progress.h"
+#include "tool/rank.h"
 
 namespace lockstep::stability {
 namespace {

@@ -19,6 +19,7 @@
 #include "output.h"
 #include "progress.h"
 #include "python.h"
+#include "rank.h"
 #include "state.h"
 #include "text.h"
 #include "tool.h"

@@ -7,7 +7,6 @@
 
 #include "lockstep/batch.h"
 #include "lockstep/import.h"
-#include "lockstep/ranks.h"
 #include "lockstep/step.h"
 
 namespace CLI {
@@ -55,9 +54,6 @@ struct StepOptions {
 
 /// Adds --ignore alone. StepOptions adds it too.
 void add_ignore(CLI::App& app, Ignored& ignore);
-
-/// Adds --rank, with this help.
-void add_rank(CLI::App& app, Rank& rank, const std::string& help);
 
 /// The value of this name. They throw InputError, which lists the known names.
 Method method_of(const std::string& name);

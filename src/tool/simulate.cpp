@@ -10,8 +10,8 @@
 
 #include "diagnose.h"
 #include "lockstep/batch.h"
-#include "lockstep/ranks.h"
 #include "output.h"
+#include "rank.h"
 #include "record.h"
 #include "run.h"
 #include "state.h"
