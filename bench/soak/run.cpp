@@ -252,9 +252,7 @@ void step(const Plan& plan, std::uint64_t seed, int environments, int periods, T
 
 Totals run(std::uint64_t seed, int environments, int periods) {
   Totals totals;
-  std::vector<std::uint8_t> bytes(1024);
-  Random random(seed);
-  for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random() >> 56);
+  const std::vector<std::uint8_t> bytes = scenes::bytes_of(seed);
   scenes::AnyModel any(bytes);
   const Model model = any.model();
   const StepSettings settings = any.settings();

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <limits>
-#include <random>
 #include <set>
 
 #include "lockstep/error.h"
@@ -73,9 +72,7 @@ void expect_found(const Plan& plan, Engine engine) {
 TEST(Fault, finds_whatever_is_not_finite_in_random_models_of_every_feature) {
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     SCOPED_TRACE(seed);
-    std::mt19937_64 random(seed);
-    std::vector<std::uint8_t> bytes(1024);
-    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random() >> 56);
+    const std::vector<std::uint8_t> bytes = scenes::bytes_of(seed);
     scenes::AnyModel any(bytes);
     const Model model = any.model();
     const StepSettings settings = any.settings();

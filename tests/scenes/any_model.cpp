@@ -3,8 +3,16 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <random>
 
 namespace lockstep::scenes {
+
+std::vector<std::uint8_t> bytes_of(std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::vector<std::uint8_t> bytes(1024);
+  for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random() >> 56);
+  return bytes;
+}
 
 int AnyModel::whole(int low, int high) {
   const int byte = used_ < bytes_.size() ? bytes_[used_++] : 0;

@@ -12,6 +12,9 @@
 
 namespace lockstep::scenes {
 
+/// As many random bytes as a model takes.
+std::vector<std::uint8_t> bytes_of(std::uint64_t seed);
+
 /// Makes a model and settings of what the bytes say. Bytes beside each other decide on things beside each other, so a
 /// fuzzer that changes one byte changes one thing. Missing bytes are 0. Most models are valid; one in sixteen is made
 /// without care, and not every setting takes every model: compile() refuses those.
