@@ -71,7 +71,7 @@ int main(int argc, char** argv) {
   using namespace lockstep::stability;
   CLI::App app("Maps where each method is stable or accurate, and how it fails.", "stability_map");
   std::string folder;
-  lockstep::Rank rank;
+  lockstep::tool::RankOption rank;
   std::vector<std::string> names, known;
   bool quick = false;
   for (const Map& map : all_maps(false)) known.push_back(map.name);
@@ -81,6 +81,7 @@ int main(int argc, char** argv) {
   lockstep::tool::add_rank(app, rank, "Makes the share of each map that rank R of N has");
   try {
     app.parse(argc, argv);
+    folder = lockstep::tool::name_of_rank("--out", folder, rank);
     std::filesystem::create_directories(folder);
     for (const Map& map : all_maps(quick))
       if (names.empty() || std::count(names.begin(), names.end(), map.name) > 0) run(map, folder, rank);

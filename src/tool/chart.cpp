@@ -39,7 +39,7 @@ struct ChartOptions {
   ModelOptions model;
   Ignored ignore;
   std::string out, csv, python, state, table;
-  Rank rank;
+  RankOption rank;
   int environments = 0;  // 0: as many as fit the budget
   double seconds = 1.0, budget = 25.0;
 };
@@ -239,8 +239,9 @@ void draw_again(const ChartOptions& options, const std::string& out, int samples
 void run(const ChartOptions& options) {
   const std::filesystem::path stem = std::filesystem::path(options.model.file).stem();
   const std::string out = options.out.empty() ? stem.string() + "_chart.svg" : options.out;
-  const std::string csv =
-      options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv;
+  const std::string csv = name_of_rank(
+      "--csv", options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv,
+      options.rank);
   keep_apart({options.model.file, options.state, options.table}, {out, csv});
   require_writable(csv), require_writable(out);  // a bad name should not cost the measurement
   if (!std::filesystem::path(out).has_extension() || std::filesystem::is_fifo(out))

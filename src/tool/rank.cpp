@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
+#include <string_view>
 
 #include "options.h"
 #include "tool.h"
@@ -13,9 +14,9 @@
 namespace lockstep::tool {
 namespace {
 
-Rank rank_of(const std::string& text) {
-  if (text == "auto") return rank_of_launcher();
-  Rank rank;
+RankOption rank_of(const std::string& text) {
+  if (text == "auto") return {rank_of_launcher(), true};
+  RankOption rank;
   const std::size_t slash = std::min(text.find('/'), text.size());
   const auto number = [&](std::size_t begin, std::size_t end, int& to) {
     const auto [behind, error] = std::from_chars(text.data() + begin, text.data() + end, to);
@@ -29,8 +30,18 @@ Rank rank_of(const std::string& text) {
 
 }  // namespace
 
-void add_rank(CLI::App& app, Rank& rank, const std::string& help) {
+void add_rank(CLI::App& app, RankOption& rank, const std::string& help) {
   add_parsed(app, "--rank", rank, rank_of, help + "; auto: what mpirun, torchrun or srun say")->type_name("R/N");
+}
+
+std::string name_of_rank(const std::string& option, std::string name, const RankOption& rank) {
+  constexpr std::string_view own = "{rank}";
+  const std::size_t place = name.find(own);
+  if (place != std::string::npos) return name.replace(place, own.size(), std::to_string(rank.rank));
+  if (rank.by_launcher && rank.ranks > 1 && !name.empty())
+    throw InputError(
+        fmt::format("{}: {} ranks would all write '{}'; put {} into the name", option, rank.ranks, name, own));
+  return name;
 }
 
 }  // namespace lockstep::tool

@@ -26,7 +26,7 @@ constexpr long longest_sampling_interval = 8;
 
 struct SimulateOptions {
   RunOptions run;
-  Rank rank;
+  RankOption rank;
   int recorded = 0;
   std::string record, json, end_states;
 
@@ -307,6 +307,8 @@ void add_simulate(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(0, (1 << 24) - 1));
   command->add_option("--json", options->json, "Writes the results as JSON")->type_name("FILE");
   command->callback([options, &exit_code] {
+    options->json = name_of_rank("--json", options->json, options->rank);
+    options->end_states = name_of_rank("--end-states", options->end_states, options->rank);
     try {
       exit_code = run(*options);
     } catch (const Error& error) {  // found after the names of files were

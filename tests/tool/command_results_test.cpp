@@ -208,6 +208,20 @@ TEST_F(Command, ranks_end_together_as_one_process_does) {
   const std::string half = write("half.csv", from(state, "24/240"));
   EXPECT_EQ(from(half, "24/240"), from(state, "48/240"));
   EXPECT_EQ(run({"simulate", model, "--envs", "22", "--rank", "0/2", "--state", state}).status, 2) << "11 rows for 22";
+  // Ranks that one command starts have names of their own.
+  const Arguments started = {"simulate", model, "--envs", "11", "--seconds", "0.2", "--rank", "auto"};
+  setenv("RANK", "1", 1), setenv("WORLD_SIZE", "2", 1);
+  Arguments same = started, own = started;
+  same.insert(same.end(), {"--end-states", path("same.csv")});
+  own.insert(own.end(), {"--end-states", path("own{rank}.csv"), "--json", path("own{rank}.json")});
+  const Ran refused = run(same);
+  EXPECT_EQ(refused.status, 2);
+  expect_one_complaint(refused.err, "--end-states: 2 ranks would all write");
+  EXPECT_FALSE(std::filesystem::exists(path("same.csv")));
+  EXPECT_EQ(run(own).status, 0);
+  unsetenv("RANK"), unsetenv("WORLD_SIZE");
+  EXPECT_EQ(lines(contents(path("own1.csv"))).size(), 5u);
+  EXPECT_EQ(nlohmann::json::parse(contents(path("own1.json"))).at("first_id"), 6);
   for (const char* const wrong : {"2/2", "1", "/2", "0/", "-1/2", "x/2", "0/0", "1/2/3"}) {
     const Ran ran = run({"simulate", model, "--rank", wrong});
     EXPECT_EQ(ran.status, 2) << wrong;

@@ -227,7 +227,7 @@ const Feature cable_drives{"its friction and limited servo", [](Model& m, StepSe
 
 }  // namespace
 
-const std::vector<std::vector<Feature>>& scenes() {
+const std::vector<std::vector<Feature>>& all_scenes() {
   static const std::vector<std::vector<Feature>> all{
       {},
       {hard},

@@ -22,7 +22,7 @@ Joint& joint_of(Model& model, const char* name);
 Model arm();
 
 /// Of each the features. The first has none.
-const std::vector<std::vector<Feature>>& scenes();
+const std::vector<std::vector<Feature>>& all_scenes();
 
 /// A model with its settings.
 struct Scene {

@@ -46,7 +46,7 @@ Table table() {
   Table result;
   std::vector<std::string> obstacles;
   std::ostringstream rows;
-  for (const std::vector<Feature>& features : scenes()) {
+  for (const std::vector<Feature>& features : all_scenes()) {
     const Scene scene(features);
     rows << "| " << (scene.name.empty() ? "nothing" : scene.name);
     const auto add = [&](Method method, Integrator integrator) {
@@ -77,7 +77,7 @@ Table table() {
   std::ostringstream page;
   page << "# Which features stand beside which\n\n"
           "T: tables, C: compiled, G: generated code, -: refused, for the numbered reason below. Of "
-       << scenes().size() << " scenes, " << result.by_default << " run by default, " << result.by_reduced
+       << all_scenes().size() << " scenes, " << result.by_default << " run by default, " << result.by_reduced
        << " by `reduced` with `euler`, " << result.in_leapfrog
        << " by `reduced` with `leapfrog`.\n\n"
           "| scene | default | reduced, euler | reduced, leapfrog | reduced, extrapolated and runge_kutta | direct, "
@@ -141,7 +141,7 @@ TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
                                                 {Method::reduced, Integrator::leapfrog},
                                                 {Method::pgs, Integrator::euler}};
   int runs = 0;
-  for (const std::vector<Feature>& features : scenes())
+  for (const std::vector<Feature>& features : all_scenes())
     for (const auto& [method, integrator] : ways) {
       Scene scene(features);
       scene.settings.method = method, scene.settings.integrator = integrator;
@@ -191,7 +191,7 @@ TEST(Combinations, are_recorded_as_they_move) {
                                                 {Method::reduced, Integrator::euler},
                                                 {Method::pgs, Integrator::euler}};
   int runs = 0;
-  for (const std::vector<Feature>& features : scenes())
+  for (const std::vector<Feature>& features : all_scenes())
     for (const auto& [method, integrator] : ways) {
       Scene scene(features);
       scene.settings.method = method, scene.settings.integrator = integrator;
@@ -268,7 +268,7 @@ TEST(Combinations, that_are_refused_are_obstacles_of_the_plan_by_default) {
                                                   {Method::direct, Integrator::leapfrog}};
   for (const Integrator integrator : staged) ways.push_back({Method::reduced, integrator});
   int refused = 0, listed = 0;
-  for (const std::vector<Feature>& features : scenes()) {
+  for (const std::vector<Feature>& features : all_scenes()) {
     const auto [model, settings, name] = Scene(features);
     const Plan plan = compile(model, settings);
     const std::vector<Obstacle> obstacles = plan.obstacles();
@@ -309,7 +309,7 @@ TEST(Combinations, that_are_refused_are_obstacles_of_the_plan_by_default) {
 TEST(Combinations, with_contacts_need_no_more_rounds_for_learning_than_by_default) {
   constexpr int environments = 40;
   double by_default = 0.0, for_learning = 0.0;
-  for (const std::vector<Feature>& features : scenes()) {
+  for (const std::vector<Feature>& features : all_scenes()) {
     Scene scene(features);
     if (!scene.has("contact")) continue;
     scene.settings.integrator = Integrator::euler;
@@ -345,7 +345,7 @@ Batch<double> disturbed(const Plan& plan, int environments, int steps) {
 TEST(Combinations, have_derivatives_of_two_steps_that_are_a_product) {
   constexpr int environments = 3;
   int smooth = 0;
-  for (const std::vector<Feature>& features : scenes()) {
+  for (const std::vector<Feature>& features : all_scenes()) {
     Scene scene(features);
     SCOPED_TRACE(scene.name);
     scene.settings.contacts = {10, 200, 1e-11};
@@ -375,7 +375,7 @@ TEST(Combinations, have_derivatives_of_two_steps_that_are_a_product) {
 // A site that random joints carry somewhere is carried there from the start.
 TEST(Combinations, reach_by_inverse_kinematics_where_random_joints_were) {
   constexpr int environments = 20;
-  for (const std::vector<Feature>& features : scenes()) {
+  for (const std::vector<Feature>& features : all_scenes()) {
     Scene scene(features);
     SCOPED_TRACE(scene.name);
     scene.model.add_site("tip", scene.has("loop") ? "second rod" : "l2").pose.translation().x() = 0.7;
@@ -403,7 +403,7 @@ TEST(Combinations, reach_by_inverse_kinematics_where_random_joints_were) {
 // z M z / 2 is the kinetic energy.
 TEST(Combinations, have_mass_matrices_of_their_energies) {
   constexpr int environments = 5;
-  for (const std::vector<Feature>& features : scenes()) {
+  for (const std::vector<Feature>& features : all_scenes()) {
     Scene scene(features);
     SCOPED_TRACE(scene.name);
     const Plan plan = compile(scene.model, scene.settings);
