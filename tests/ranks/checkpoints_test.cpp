@@ -11,6 +11,7 @@
 
 #include "lockstep/error.h"
 #include "ranked.h"
+#include "unit/combination_scenes.h"
 
 namespace lockstep {
 namespace {
@@ -87,6 +88,32 @@ TEST_F(CheckpointsOfRanks, let_any_number_of_ranks_go_on_with_the_same_bits) {
       EXPECT_EQ(ranked::joined(plan, batches), ranked::joined(plan, whole)) << ranks;
     }
   }
+}
+
+// Two ranks step every scene of the page of combinations, stop, and three go on: with the bits of one process.
+TEST_F(CheckpointsOfRanks, let_others_go_on_beside_every_feature) {
+  std::size_t number = 0, faults = 0;
+  for (const std::vector<combinations::Feature>& features : combinations::all_scenes()) {
+    const combinations::Scene scene(features);
+    SCOPED_TRACE(scene.name);
+    const Plan plan = compile(scene.model, scene.settings);
+    const auto run = [](std::vector<Batch<float>>& batches, unsigned from, unsigned to) {
+      for (Batch<float>& batch : batches)
+        for (unsigned update = from; update < to; ++update) ranked::control(batch, update);
+    };
+    std::vector<Batch<float>> whole = ranked::batches_of<float>(plan, environments, 1, 0),
+                              two = ranked::batches_of<float>(plan, environments, 2, 0),
+                              three = ranked::batches_of<float>(plan, environments, 3, 0);
+    run(whole, 0, 8), run(two, 0, 4);
+    for (const Batch<float>& batch : two) checkpoints_.write(number, batch);
+    const Checkpoint last = checkpoints_.complete(number++, ranges(2));
+    for (Batch<float>& batch : three) checkpoints_.restore(last, batch);
+    run(three, 4, 8);
+    EXPECT_EQ(ranked::joined(plan, three), ranked::joined(plan, whole));
+    faults += static_cast<std::size_t>(whole[0].faulted());
+  }
+  EXPECT_GT(number, 150u);
+  EXPECT_LT(faults, number * environments / 20);
 }
 
 TEST_F(CheckpointsOfRanks, count_only_when_they_are_complete) {
