@@ -69,6 +69,7 @@ class LOCKSTEP_API Checkpoints {
   /// The complete checkpoint of the highest number, if there is one. Those without a manifest do not count. Throws
   /// UsageError where that manifest is damaged.
   std::optional<Checkpoint> latest() const;
+  /// Whether it has a manifest.
   bool is_complete(std::uint64_t number) const;
   /// Throws UsageError where there is none, or its manifest is damaged.
   Checkpoint open(std::uint64_t number) const;
