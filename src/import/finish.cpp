@@ -89,19 +89,24 @@ void report_colliders(const Model& model, const ImportOptions& options, Report& 
 // A misspelt name would say nothing.
 void check_names(const ImportOptions& options, const Draft& draft) {
   const Model& model = draft.model;
+  const auto refuse = [](const char* option, const std::string& name, const char* what,
+                         const std::vector<std::string>& known) {
+    throw SettingsError(option, "names '" + shortened(name) + "', which is no " + what,
+                        "correct the name" + exists(nearest(name, known)));
+  };
+  std::vector<std::string> links, joints;
+  for (const Link& link : model.links) links.push_back(link.name);
+  for (const Joint& joint : model.joints)
+    if (joint.moves()) joints.push_back(joint.name);
   for (const auto& [name, fit] : options.fit_of_links)
     if (!draft.places.contains("link '" + name + "'"))  // a link that stands for the world is no longer in the model
-      throw SettingsError("ImportOptions::fit_of_links", "names '" + shortened(name) + "', which is no link",
-                          "check the spelling");
+      refuse("ImportOptions::fit_of_links", name, "link", links);
   const Ignored& ignore = options.ignore;
   for (const JointSet* set :
        {&ignore.position_limits, &ignore.velocity_limits, &ignore.effort_limits, &ignore.friction})
-    for (const std::string& name : set->names) {
-      const auto is_meant = [&](const Joint& joint) { return joint.name == name && joint.moves(); };
-      if (std::none_of(model.joints.begin(), model.joints.end(), is_meant))
-        throw SettingsError("ImportOptions::ignore", "names '" + shortened(name) + "', which is no moving joint",
-                            "check the spelling");
-    }
+    for (const std::string& name : set->names)
+      if (std::find(joints.begin(), joints.end(), name) == joints.end())
+        refuse("ImportOptions::ignore", name, "moving joint", joints);
 }
 
 // Where it is in the file, and what of the file's could have helped.

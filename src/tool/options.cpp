@@ -73,12 +73,15 @@ Coupling& coupling_of(Model& model, const std::string& name, const char* option)
 }
 
 Joint& moving_joint(Model& model, const std::string& name, const char* option) {
+  std::vector<std::string> moving;
   for (Joint& joint : model.joints) {
+    if (joint.moves()) moving.push_back(joint.name);
     if (joint.name != name) continue;
     if (!joint.moves()) throw InputError(fmt::format("{}: joint '{}' is fixed; name a moving one", option, name));
     return joint;
   }
-  throw InputError(fmt::format("{}: model '{}' has no joint '{}'", option, model.name, name));
+  throw InputError(fmt::format("{}: model '{}' has no joint '{}'; its moving joints are: {}", option, model.name, name,
+                               moving.empty() ? "none" : fmt::format("{}", fmt::join(moving, ", "))));
 }
 
 // Texts without a name are for all: set(nullptr, numbers). They come first, so that a name takes precedence.

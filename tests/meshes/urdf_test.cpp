@@ -88,14 +88,15 @@ TEST(UrdfMeshes, are_found_where_they_may_lie) {
   refused("none.stl", "does not exist", "leave_out_meshes");
   expect_refused([&] { return import_urdf(urdf(mesh("a.stl")), "text", {.colliders = true}); }, "text:1",
                  "text without a folder", "leave_out_meshes");
-  const auto setting = [&](const ImportOptions& options, const string& element) {
-    expect_refused<SettingsError>([&] { return read("package://arm_description/meshes/a.stl", options); }, element, "");
+  const auto setting = [&](const ImportOptions& options, const string& element, const string& remedy = "") {
+    expect_refused<SettingsError>([&] { return read("package://arm_description/meshes/a.stl", options); }, element, "",
+                                  remedy);
   };
   setting({.packages = {{"p", folder / "none"}}}, "ImportOptions::packages");
   setting({.file_roots = {folder / "none"}}, "ImportOptions::file_roots");
   setting({.hull_vertices = 7}, "ImportOptions::hull_vertices");
   setting({.hull_vertices = 65}, "ImportOptions::hull_vertices");
-  setting({.fit_of_links = {{"amr", Fit::box}}}, "ImportOptions::fit_of_links");
+  setting({.fit_of_links = {{"amr", Fit::box}}}, "ImportOptions::fit_of_links", "'arm' exists");
 }
 
 // Whoever does not ask for a mesh may lack it.

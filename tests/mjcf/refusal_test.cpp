@@ -277,18 +277,21 @@ TEST(MjcfRefusal, names_remedies_of_mjcf_alone) {
 }
 
 TEST(MjcfRefusal, names_options_that_do_not_fit) {
-  const auto expect = [](const ImportOptions& options, const string& name) {
+  const auto expect = [](const ImportOptions& options, const string& name, const string& remedy = "") {
     try {
       import_mjcf(world(pair), "file", options);
       ADD_FAILURE() << name;
     } catch (const SettingsError& error) {
       EXPECT_EQ(error.element(), "ImportOptions::" + name);
+      EXPECT_NE(error.remedy().find(remedy), string::npos) << error.what();
     }
   };
   expect({.density = 1.0}, "density");
   expect({.leave_out_foreign = true}, "leave_out_foreign");
   expect({.keyframe = "home"}, "keyframe");
   expect({.body = "three"}, "body");
+  expect({.body = "twoo"}, "body", "'two' exists");
+  expect({.ignore = {.friction = {"xx"}}}, "ignore", "correct the name");
   for (const auto& [options, name] : {std::pair<ImportOptions, string>{{.keyframe = "k"}, "keyframe"},
                                       {{.body = "b"}, "body"},
                                       {{.loops = Loops::leave_out}, "loops"},

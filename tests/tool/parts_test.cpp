@@ -252,7 +252,7 @@ TEST(Options, name_what_is_unknown) {
   EXPECT_EQ(refused("x=1,2", ""), "--softness: no coupling has 'x' as its first joint; the couplings are: b, c");
   EXPECT_EQ(refused("b=1", ""), "--softness b: '1' should be 2 numbers separated by commas");
   EXPECT_EQ(refused("b", ""), "--softness all: 'b' should be 2 numbers separated by commas");
-  EXPECT_EQ(refused("", "x=1,2"), "--drive: model 'chain' has no joint 'x'");
+  EXPECT_EQ(refused("", "x=1,2"), "--drive: model 'chain' has no joint 'x'; its moving joints are: a, b, c, d");
   EXPECT_EQ(refused("", "a=-1,2"), "--drive a: 'a=-1,2' is negative");
   EXPECT_EQ(complaint([] { method_of("fast"); }),
             "--method: there is no 'fast'; the methods are automatic, pgs, tgs, direct, reduced");
@@ -276,7 +276,7 @@ TEST(Options, name_what_is_unknown_about_bounds) {
   EXPECT_EQ(refused(force, "b"), "--force-limit: 'b' should be JOINT=NUMBER");
   EXPECT_EQ(refused(force, "b=1,2"), "--force-limit b: '1,2' should be one number");
   EXPECT_EQ(refused(force, "b=-1"), "--force-limit b: 'b=-1' is negative");
-  EXPECT_EQ(refused(kinematic, "x"), "--kinematic: model 'chain' has no joint 'x'");
+  EXPECT_EQ(refused(kinematic, "x"), "--kinematic: model 'chain' has no joint 'x'; its moving joints are: a, b, c");
   EXPECT_EQ(refused(kinematic, "d"), "--kinematic: joint 'd' is fixed; name a moving one");
   EXPECT_EQ(refused(kinematic, "a", "a=1,1"), "--kinematic: joint 'a' has a --drive too; give it one of them");
 }

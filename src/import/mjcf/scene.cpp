@@ -17,9 +17,12 @@ void choose_bodies(Scene& scene) {
   scene.is_read.assign(all.size(), scene.options.body.empty());
   if (scene.options.body.empty()) return;
   const auto found = scene.body_of.find(scene.options.body);
-  if (found == scene.body_of.end() || found->second == 0)
+  if (found == scene.body_of.end() || found->second == 0) {
+    std::vector<std::string> names;
+    for (std::size_t i = 1; i < all.size(); ++i) names.push_back(all[i].name);
     throw SettingsError("ImportOptions::body", "names '" + shortened(scene.options.body) + "', which is no body",
-                        "correct the name");
+                        "correct the name" + exists(nearest(scene.options.body, names)));
+  }
   int left_out = 0;
   for (std::size_t i = 1; i < all.size(); ++i) {
     scene.is_read[i] = static_cast<int>(i) == found->second || scene.is_read[static_cast<std::size_t>(all[i].parent)];
