@@ -28,6 +28,8 @@ struct Import {
   /// joints that start outside of their limits, changed inertias, unknown elements, what was left out on request.
   std::vector<std::string> warnings;
   std::vector<VisualMesh> visual_meshes;  ///< where ImportOptions::visual_meshes asks for them
+  /// What it was read from: the robot file, what that includes and attaches, meshes and height fields. Each once.
+  std::vector<std::string> files;
 };
 
 /// What becomes of closed loops of an MJCF file: connect and weld.

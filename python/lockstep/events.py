@@ -71,5 +71,5 @@ class Events:
     def _schedule(self, name: str, env: Any, which: Array) -> None:
         shortest, longest = self.events[name].every or (0.0, 0.0)
         share = uniform(env.batch, np.empty((1, len(which))), FIRST_STREAM + list(self.events).index(name))[0]
-        steps = np.maximum(1, np.rint((shortest + (longest - shortest) * share) / self.step_time)).astype(np.int64)
+        steps = np.rint((shortest + (longest - shortest) * share) / self.step_time).clip(1, 1 << 62).astype(np.int64)
         self.due[name][which] = (env.elapsed + steps)[which]

@@ -33,6 +33,13 @@ def each(given: Any, num_envs: int, dtype: Any, name: str) -> Array:
     return values.astype(dtype, copy=False)
 
 
+def refuse_taken(name: str) -> None:
+    """A rule of this name would hide a reason that every environment has."""
+    if name in ("fault", "time_out"):
+        raise UsageError(f"termination '{name}'", "has the name of a reason that every environment has",
+                         "give it another name", "usage")
+
+
 class Rewards:
     """terms: {name: (weight, function of the environment that returns [num_envs])}. Weights are for a control step.
     A call returns {name: weight * value}, float32."""
@@ -59,6 +66,7 @@ class Terminations:
     def __init__(self, terms: Mapping[str, Callable[[Any], Any]]) -> None:
         self.terms = _named(terms, "termination")
         for name, function in self.terms.items():
+            refuse_taken(name)
             if not callable(function):
                 raise UsageError(f"termination '{name}'", f"is {function!r}", "give a function", "usage")
 
@@ -78,6 +86,9 @@ class EpisodeLog:
 
     def add(self, terms: Mapping[str, Array], paid: Array) -> Array:
         """The total, where `paid`. Raises UsageError that names a term which is not finite."""
+        if "total" in terms:
+            raise UsageError("reward term 'total'", "has the name of the sum of all terms", "give it another name",
+                             "usage")
         total = np.zeros(self.num_envs, np.float32)
         for values in terms.values():
             total += values

@@ -50,6 +50,8 @@ class Patch:
 
     def waves(self, height: float, length: float) -> Heights:
         """`height`, m, from crest to trough, and `length`, m, from crest to crest, along x and y."""
+        if not length > 0:
+            raise ValueError(f"waves of {length} m are none; give a length above 0")
         x, y = self._places()
         return self._levelled(0.25 * height * (np.cos(2 * np.pi * x / length) + np.cos(2 * np.pi * y / length)))
 
@@ -60,6 +62,8 @@ class Patch:
     def gaps(self, width: float, every: float, depth: float = 1.0) -> Heights:
         """Square ditches around the middle, `depth` deep and `width` wide at the bottom, one in `every`, m. Their walls are
         a cell wide."""
+        if not 0 < width < every:
+            raise ValueError(f"gaps are {width} m wide, one in {every} m; give 0 < width < every")
         beyond = self._from_flat()
         return np.where((beyond > 1e-9) & ((beyond - self.cell + 1e-9) % every < width + 2e-9), -depth, 0.0)
 

@@ -18,7 +18,7 @@ from .model import VisualMesh
 from .observations import Observations
 from .recording import Recording, checked
 from .rendering import Renderer
-from .rewards import EpisodeLog, Rewards, Terminations, each
+from .rewards import EpisodeLog, Rewards, Terminations, each, refuse_taken
 from .query import Query
 from .start import Start
 
@@ -99,6 +99,8 @@ class VectorEnv(Base):  # type: ignore[misc]
     ) -> None:
         if action_kind not in ACTION_KINDS:
             raise ValueError(f"action_kind {action_kind!r} is none of {', '.join(ACTION_KINDS)}")
+        if not callable(observe) and observe is not None and len(observe) == 0:
+            raise ValueError("observe is empty: leave it out for q and qd")
         if unknown := set(actions or {}) - ACTION_OPTIONS:
             raise ValueError(f"actions have the unknown options {sorted(unknown)}: give {sorted(ACTION_OPTIONS)}")
         if start is not None and spread is not None:
@@ -107,6 +109,7 @@ class VectorEnv(Base):  # type: ignore[misc]
             start = Start(spread=1.0 if spread is None else spread)
         if isinstance(start, Start) and not 0.0 <= start.spread <= 1.0:
             raise ValueError(f"spread is {start.spread}, not 0 to 1")
+        decimation, limit = operator.index(decimation), None if limit is None else operator.index(limit)
         if decimation < 1 or (limit is not None and limit < 1):
             raise ValueError(f"limit and decimation must be 1 or more, not {limit} and {decimation}")
         if render_mode not in (None, "rgb_array"):
@@ -245,6 +248,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         running = ~restarted
         self.ends = {"fault": fault & running}
         for name, holds in self._named(self.terminate(), "terminated").items():
+            refuse_taken(name)
             self.ends[name] = each(holds, self.num_envs, np.bool_, f"terminate '{name}'") & running
         terminated = np.logical_or.reduce(list(self.ends.values()))
         truncated = np.zeros(self.num_envs, np.bool_)
@@ -322,6 +326,8 @@ class VectorEnv(Base):  # type: ignore[misc]
         return [float(one.q[0, self.plan.dof(joint)]) for joint in joints]
 
     def _mask(self, options: Optional[Mapping[str, Any]]) -> Mask:
+        if unknown := set(options or {}) - {"reset_mask"}:
+            raise ValueError(f"reset() has the unknown options {sorted(unknown)}: give reset_mask")
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, np.bool_)

@@ -223,9 +223,16 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
     batch.def_property_readonly(name, read(numbers), help);
   };
   const auto counts = [&](const char* name, const auto& numbers, const char* help) {
-    const auto write = [numbers](const py::object& self, const py::object& value) {
+    const auto write = [name, numbers](const py::object& self, const py::object& value) {
       const py::array view = self.cast<AnyBatch&>().use([&](auto& own) { return numbers(own, self); });
-      if (value.ptr() != view.ptr()) view[py::ellipsis()] = value;
+      if (value.ptr() == view.ptr()) return;
+      const py::array given = plain_numbers(value, name);
+      if (given.dtype().kind() != 'i' && given.dtype().kind() != 'u')
+        throw py::type_error(std::string(name) + " are whole numbers, not " + text_of(given.dtype()));
+      const py::object taken = given.attr("astype")(view.dtype());
+      if (!py::cast<bool>(taken.attr("__eq__")(given).attr("all")()))
+        throw UsageError(name, "has a number outside of " + text_of(view.dtype()), "give smaller ones, 0 or more");
+      view[py::ellipsis()] = taken;
     };
     batch.def_property(name, read(numbers), py::cpp_function(write), help);
   };
@@ -384,23 +391,6 @@ py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unm
   return list;
 }
 
-bool overlaps(AnyBatch& batch, const py::array& array) {
-  const auto range = [](const py::array& a) {
-    const char* first = static_cast<const char*>(a.data());
-    const char* last = first + a.itemsize();
-    for (py::ssize_t i = 0; i < a.ndim(); ++i) {
-      if (a.shape(i) == 0) return std::pair(first, first);
-      (a.strides(i) > 0 ? last : first) += (a.shape(i) - 1) * a.strides(i);
-    }
-    return std::pair(first, last);
-  };
-  const auto [first, last] = range(array);
-  return std::any_of(std::begin(fields), std::end(fields), [&](const NamedField& f) {
-    const auto [begin, end] = range(f.view(batch, Layout::items, py::none()));
-    return std::less<>()(first, end) && std::less<>()(begin, last);
-  });
-}
-
 std::vector<int> environments_of(const py::object& which, int environments) {
   std::vector<int> ids;
   if (which.is_none()) {
@@ -411,6 +401,10 @@ std::vector<int> environments_of(const py::object& which, int environments) {
   const py::array given = py::module_::import("numpy").attr("asarray")(which);
   const char kind = given.dtype().kind();
   if (kind == 'b') return ids_of_mask(given, environments);
+  if (!py::isinstance<py::array>(which) && py::isinstance<py::sequence>(which))
+    for (const py::handle& one : which)
+      if (py::isinstance<py::bool_>(one))
+        throw py::type_error("environments are a mask of bool or a sequence of integers, not of both");
   if (given.size() == 0) return ids;                          // an empty list is an array of float64
   if ((kind != 'i' && kind != 'u') || given.itemsize() == 1)  // a byte is more likely part of a mask
     throw py::type_error("environments are a mask of bool or a sequence of integers, not an array of " +
@@ -432,6 +426,7 @@ std::unique_ptr<AnyBatch> make_batch(const Plan& plan, int environments, int thr
                                      std::uint32_t first_id, const py::object& dtype, const std::string& target,
                                      const std::string& engine, int memory_domain) {
   const BatchOptions options{threads, target_of(target), engine_of(engine), seed, first_id, memory_domain};
+  if (dtype.is_none()) throw SettingsError("dtype", "is None", "give 'f4' or 'f8'");  // NumPy's would be float64
   const py::dtype wanted = py::dtype::from_args(dtype);
   auto batch = std::make_unique<AnyBatch>();
   batch->threads = threads;

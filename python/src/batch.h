@@ -29,9 +29,6 @@ std::unique_ptr<AnyBatch> make_batch(const Plan& plan, int environments, int thr
 /// UsageError for ids outside the batch, and TypeError for other types.
 std::vector<int> environments_of(const py::object& which, int environments);
 
-/// Whether an array lies in the memory of the batch's fields.
-bool overlaps(AnyBatch& batch, const py::array& array);
-
 /// From True (hard), False (none) or a name; throws UsageError for another one.
 Couplings couplings_of(const py::object& project);
 

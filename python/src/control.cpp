@@ -32,7 +32,9 @@ Randomization randomization_of(const Plan& plan, Parameter field, const std::str
   r.low = low, r.high = high, r.shared = shared, r.stream = stream;
   if (rows.is_none()) return r;
   const std::vector<std::string>& names = plan.parameter_row_names(field);
+  if (py::isinstance<py::str>(rows)) throw py::type_error("rows are a list of numbers or names, not a text");
   for (const py::handle& row : rows) {
+    if (is_bool(row)) throw py::type_error("rows are numbers or names, not a mask");
     if (!py::isinstance<py::str>(row)) {
       r.rows.push_back(value_of<int>(row, "rows"));
       continue;
@@ -169,7 +171,9 @@ Query query_of(const Plan& plan, const py::handle& given) {
   query.quantity = one_of<UsageError, Quantity>("quantity", name, quantities);
   if (named) return query;
   query.scale = given.attr("scale").cast<double>();
-  if (const py::object rows = given.attr("rows"); !rows.is_none())
+  if (const py::object rows = given.attr("rows"); py::isinstance<py::str>(rows))
+    throw py::type_error("rows of a Query are a list of names, not a text");
+  else if (!rows.is_none())
     for (const py::handle& row : rows)
       query.elements.push_back(row_of(plan, name, value_of<std::string>(row, "rows of a Query")));
   if (const py::object points = given.attr("points"); !points.is_none())
@@ -245,8 +249,11 @@ py::list reset_to(AnyBatch& b, const py::object& start, const py::object& which,
 
 // Ids only: how many environments a blob has is not known here.
 std::vector<int> places_in_blob(const py::object& rows) {
-  for (const py::handle& row : rows)
+  for (const py::handle& row : rows) {
     if (is_bool(row)) throw py::type_error("rows are places in the blob, not a mask");
+    if (py::isinstance<py::int_>(row) && row < py::int_(0))
+      throw UsageError("row " + text_of(row), "is no place in the blob", "give numbers from 0");
+  }
   return environments_of(rows, std::numeric_limits<int>::max());
 }
 
@@ -364,8 +371,6 @@ void bind_control(py::class_<AnyBatch>& batch) {
   batch.def(
       "read",
       [](AnyBatch& b, const py::args& queries, const py::object& out) {
-        if (!out.is_none() && py::isinstance<py::array>(out) && overlaps(b, out))
-          throw UsageError("out", "lies in memory of the batch", "give an array of its own");
         return b.use([&](auto& own) { return read(own, queries, out); });
       },
       "out"_a = py::none(),

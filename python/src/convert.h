@@ -69,6 +69,23 @@ void forbid_new(Class& own) {
   };
 }
 
+/// Makes a class with a constructor call it where objects are made, so that none is without a value: `__new__` alone
+/// raises TypeError.
+template <class Class>
+void construct_in_new(Class& own) {
+  static newfunc make;  // of this class alone
+  static initproc construct;
+  auto* const type = reinterpret_cast<PyTypeObject*>(own.ptr());
+  make = type->tp_new, construct = type->tp_init;
+  type->tp_new = [](PyTypeObject* of, PyObject* args, PyObject* names) -> PyObject* {
+    PyObject* const made = make(of, args, names);
+    if (!made || construct(made, args, names) == 0) return made;
+    Py_DECREF(made);
+    return nullptr;
+  };
+  type->tp_init = [](PyObject*, PyObject*, PyObject*) { return 0; };
+}
+
 /// A lockstep.Model from its Python class. Throws TypeError that names the attribute where a type does not fit.
 Model model_of(const py::handle& model);
 py::object to_python(const Model& model);

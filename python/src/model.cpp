@@ -250,7 +250,7 @@ py::object loop_to_python(const Loop& l) {
 // Rows in Python are rows here.
 Eigen::MatrixXd heights_of(const py::handle& shape) {
   const auto numbers = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(shape.attr("heights"));
-  if (!numbers) throw py::error_already_set();
+  if (!numbers) throw py::type_error("heights are no array of numbers: give rows of one length");
   if (numbers.size() == 0) return {};
   if (numbers.ndim() != 2)
     throw UsageError("heights", "have the shape " + text_of(numbers.attr("shape")), "give [rows, columns]");

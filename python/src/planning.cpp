@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <pybind11/stl.h>
 
+#include <algorithm>
+#include <limits>
 #include <optional>
 
 #include "batch.h"
@@ -28,10 +30,6 @@ void require_shape(const py::array& array, const char* name, std::initializer_li
   throw UsageError(name, "has the shape " + text_of(array.attr("shape")), "give [" + wanted + "]");
 }
 
-void require_own_memory(AnyBatch& batch, const py::array& array, const char* name) {
-  if (overlaps(batch, array)) throw UsageError(name, "lies in memory of the batch", "give an array of its own");
-}
-
 template <class S, class Number>
 StridedSteps<Number> steps_of(Number* data, const py::array& array) {
   constexpr py::ssize_t item = sizeof(S);
@@ -55,14 +53,14 @@ py::tuple rollout(AnyBatch& any, const py::object& start, const py::object& cont
       throw UsageError("actions", "have the shape " + text_of(from.attr("shape")),
                        "give [rollouts, steps, " + std::to_string(columns) + "]");
     require_shape(from, "actions", {from.shape(0), from.shape(1), columns});
-    require_own_memory(any, from, "actions");
+    if (std::max(from.shape(0), from.shape(1)) > std::numeric_limits<int>::max())
+      throw UsageError("actions", "have the shape " + text_of(from.attr("shape")), "give fewer than 2^31 of each");
     options.rollouts = static_cast<int>(from.shape(0)), options.steps = static_cast<int>(from.shape(1));
     py::ssize_t rows = 0;
     for (const Query& query : queries) rows += batch.plan().query_rows(query);
     py::array_t<S> to =
         out.is_none() ? py::array_t<S>({from.shape(0), from.shape(1), rows}) : given_array<S>(out, "out", true);
     require_shape(to, "out", {from.shape(0), from.shape(1), rows});
-    require_own_memory(any, to, "out");
 
     // Bytes, environments of the batch, or all as they stand.
     std::vector<std::byte> saved;

@@ -56,16 +56,19 @@ void bind_ranks(py::module_& module) {
       "Raises UsageError, with the numbers of the ranks, unless their ranges, (first_id, num_envs) each, are all "
       "environments once.");
 
-  py::class_<Checkpoint>(module, "Checkpoint", py::is_final(), "A checkpoint that is complete.")
-      .def_readonly("number", &Checkpoint::number, "as it was given")
+  py::class_<Checkpoint> checkpoint(module, "Checkpoint", py::is_final(), "A checkpoint that is complete.");
+  forbid_new(checkpoint);
+  checkpoint.def_readonly("number", &Checkpoint::number, "as it was given")
       .def_readonly("version", &Checkpoint::version, "of lockstep, that wrote it")
       .def_readonly("plan_hash", &Checkpoint::plan_hash, "Plan.hash of its batches")
       .def_property_readonly("ranges", &ranges_in, "(first_id, num_envs) of each of its parts");
 
-  py::class_<Checkpoints>(module, "Checkpoints", py::is_final(),
-                          "A folder of checkpoints that ranks write together. Each rank writes its environments; when "
-                          "all have, one of them completes the checkpoint. What a killed rank leaves half done is "
-                          "never read. Any number of ranks goes on from one, with the same bits.")
+  py::class_<Checkpoints> checkpoints(
+      module, "Checkpoints", py::is_final(),
+      "A folder of checkpoints that ranks write together. Each rank writes its environments; when "
+      "all have, one of them completes the checkpoint. What a killed rank leaves half done is "
+      "never read. Any number of ranks goes on from one, with the same bits.");
+  checkpoints
       .def(py::init<std::filesystem::path, int>(), "folder"_a, py::kw_only(), "keep"_a = 2,
            "Makes the folder. complete() leaves the last `keep` complete ones and removes those before; 0: none.")
       .def("folder_of", &Checkpoints::folder_of, "number"_a,
@@ -92,6 +95,7 @@ void bind_ranks(py::module_& module) {
             any.use([&](auto& batch) { own.restore(checkpoint, batch); });
           },
           "checkpoint"_a, "batch"_a, "Puts the environments of the batch's ids into it, whichever ranks wrote them.");
+  construct_in_new(checkpoints);
 }
 
 }  // namespace lockstep::python

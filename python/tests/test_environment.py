@@ -159,10 +159,43 @@ def test_the_form_of_rsl_rl_for_efforts():
     ({"reward": {"a": first}}, "'a'.*weight"), ({"reward": {"a": (np.nan, first)}}, "'a'.*nan"),
     ({"terminate": {"a": 3}}, "'a'.*function"), ({"events": {"e": Event(touch, "never")}}, "'e'.*never"),
     ({"events": {"e": Event(touch, "interval")}}, "'e'.*every"),
+    ({"terminate": {"fault": low}}, "'fault'.*name"), ({"terminate": {"time_out": low}}, "'time_out'.*name"),
 ])
 def test_bad_terms_are_named(wrong, words):
     with pytest.raises(ls.UsageError, match=words):
         Task(**wrong)
+
+
+def test_names_that_every_environment_has_are_refused_when_they_are_returned():
+    actions = np.zeros((5, 4), np.float32)
+    for wrong, words in (({"terminate": lambda env: {"fault": low(env)}}, "'fault'"),
+                         ({"reward": {"total": (1.0, first)}}, "'total'")):
+        env = Task(**wrong)
+        env.reset()
+        with pytest.raises(ls.UsageError, match=words):
+            env.step(actions)
+
+
+def test_an_interval_may_be_longer_than_any_motion():
+    happened = []
+    env = Task(events={"never": Event(lambda env, which: happened.append(which), "interval", every=(1e30, 1e30))})
+    env.reset()
+    for _ in range(5):
+        env.step(np.zeros((5, 4), np.float32))
+    assert not happened
+
+
+@pytest.mark.parametrize("wrong, kind", [({"limit": float("nan")}, TypeError), ({"limit": 2.5}, TypeError),
+                                         ({"decimation": 2.5}, TypeError), ({"observe": []}, ValueError)])
+def test_options_that_would_be_taken_for_others_are_refused(wrong, kind):
+    with pytest.raises(kind):
+        VectorEnv(plan, 3, **wrong)
+
+
+def test_a_reset_knows_its_options():
+    env = VectorEnv(plan, 3)
+    with pytest.raises(ValueError, match="reset_masks"):
+        env.reset(options={"reset_masks": np.ones(3, bool)})
 
 
 def test_actions_take_the_options_of_act():

@@ -56,3 +56,50 @@ def test_a_library_without_kernels_is_refused(tmp_path):
     for path in ("", "libm.so.6", str(tmp_path), str(tmp_path / "pipe"), str(tmp_path / "absent.so")):
         with pytest.raises(ls.UsageError):
             ls.load_kernel(path)
+
+
+def test_checkpoints_are_not_without_a_folder(tmp_path):
+    from lockstep.ranks import Checkpoint, Checkpoints
+
+    for make in (Checkpoint, lambda: Checkpoint.__new__(Checkpoint), Checkpoints,
+                 lambda: Checkpoints.__new__(Checkpoints), lambda: object.__new__(Checkpoints)):
+        with pytest.raises(TypeError):
+            make()
+    made = Checkpoints(str(tmp_path / "a"), keep=3)
+    assert made.folder_of(7).parent == tmp_path / "a" and made.latest() is None
+
+
+def test_ids_seeds_and_episodes_are_whole_numbers_in_their_range(batch):
+    for name, wrong in (("seed", -1), ("env_id", 1 << 40), ("env_id", -1), ("episode", 1 << 31)):
+        with pytest.raises(ls.UsageError, match=name):
+            setattr(batch, name, wrong)
+    for name in ("seed", "env_id", "episode"):
+        for wrong in (1.9, "7", None, True):
+            with pytest.raises(TypeError, match=name):
+                setattr(batch, name, wrong)
+    batch.seed, batch.env_id, batch.episode = (1 << 64) - 1, np.arange(9), -1
+    assert batch.seed[3] == (1 << 64) - 1 and batch.env_id[3] == 3 and batch.episode[3] == -1
+    with pytest.raises(ls.SettingsError):
+        batch.plan.batch(4, first_id=2**32 - 2)
+    with pytest.raises(ls.SettingsError):
+        batch.plan.batch(4, dtype=None)
+
+
+def test_masks_are_not_taken_for_numbers(batch):
+    for wrong in ([True, 1], (True, False, 2)):
+        with pytest.raises(TypeError, match="not of both"):
+            batch.reset(wrong)
+    for wrong in ([True, False], np.array([True, False]), "shoulder_yaw"):
+        with pytest.raises(TypeError, match="rows"):
+            batch.randomize("mass", "scale", 2, 2, rows=wrong)
+    with pytest.raises(TypeError, match="rows"):
+        batch.read(ls.Query("site_position", "tip"))
+    with pytest.raises(ls.UsageError, match="row -1"):
+        batch.restore(batch.save(), [0], rows=[-1])
+
+
+def test_heights_are_rows_of_one_length():
+    model = ls.Model(links=[ls.Link("b")])
+    model.colliders.append(ls.Collider("f", "", ls.Shape("height_field", (1, 1, 0), heights=((0, 0), (0,)))))
+    with pytest.raises(TypeError, match="heights"):
+        ls.compile(model)

@@ -140,7 +140,10 @@ std::vector<UnmetCoupling> Batch<S>::reset(std::span<const int> ids, const Eigen
   for (int id : ids) batch.check_id(id);
   check_couplings(options.project);
   std::vector<UnmetCoupling> unmet;
-  if (batch.overlaps(new_positions) || batch.overlaps(new_velocities)) {  // they change while it is reset
+  const auto extent_of = [](const auto& given) {
+    return Extent(given.data(), {{given.rows(), given.outerStride()}, {given.cols(), 1}});
+  };
+  if (batch.holds(extent_of(new_positions)) || batch.holds(extent_of(new_velocities))) {  // they change meanwhile
     const Array positions_before = new_positions, velocities_before = new_velocities;
     batch.reset(ids, positions_before, velocities_before, options, unmet);
   } else {

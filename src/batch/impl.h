@@ -11,6 +11,7 @@
 #include "blob.h"
 #include "draws.h"
 #include "engine.h"
+#include "extent.h"
 #include "in_use.h"
 #include "lockstep/batch.h"
 #include "lockstep/error.h"
@@ -34,6 +35,14 @@ inline int checked_environments(int environments) {
                         "is " + std::to_string(environments) + ", outside 1 to " + std::to_string(most_environments),
                         "give 1 or more, in several batches if there are too many");
   return environments;
+}
+inline std::uint32_t checked_first_id(std::uint32_t first, int environments) {
+  if (first > std::numeric_limits<std::uint32_t>::max() - static_cast<std::uint32_t>(environments - 1))
+    throw SettingsError("first_id",
+                        "is " + std::to_string(first) + ", beyond which " + std::to_string(environments) +
+                            " ids would begin again at 0",
+                        "give a smaller one");
+  return first;
 }
 
 /// w, x, y, z
@@ -100,7 +109,7 @@ struct Batch<S>::Impl {
         },
         rows, start);
     for (int e = 0; e < stride; ++e) settle_drives(e);
-    std::iota(rows.id.data(), rows.id.data() + stride, options.first_id);
+    std::iota(rows.id.data(), rows.id.data() + stride, checked_first_id(options.first_id, environments));
     std::fill_n(rows.seed.data(), stride, options.seed);
   }
 
@@ -219,20 +228,19 @@ struct Batch<S>::Impl {
   std::vector<SavedRows> saved_rows() const;
   void restore(const Blob& blob, std::span<const int> into, std::span<const int> from, bool other_settings);
 
-  // Whether numbers of the caller stand in the memory of the state.
-  bool overlaps(const Eigen::Ref<const Array>& given) const {
-    if (given.size() == 0) return false;
-    const S* const first = given.data();
-    const S* const last = first + (given.rows() - 1) * given.outerStride() + given.cols();
+  // Whether numbers of the caller stand in memory of the batch.
+  bool holds(const Extent& given) const {
     bool inside = false;
     each_block(
         tables,
         [&]<class E>(const BatchBlock&, const AlignedBlock<E>& block) {
-          if constexpr (std::is_same_v<E, S>)
-            inside |= std::less<>()(first, block.data() + block.size()) && std::less<>()(block.data(), last);
+          inside |= given.overlaps(Extent(block.data(), {{static_cast<std::ptrdiff_t>(block.size()), 1}}));
         },
         rows);
     return inside;
+  }
+  void require_foreign(const Extent& given, const char* element) const {
+    if (holds(given)) throw UsageError(element, "lies in memory of the batch", "give memory of its own");
   }
 
   void reset(std::span<const int> ids, const Eigen::Ref<const Array>& positions,
@@ -332,8 +340,8 @@ struct Batch<S>::Impl {
     for (std::ptrdiff_t e = first; e < last; ++e) counts[e] += faults[e] == Fault::none ? substeps : 0u;
   }
 
-  Array read(const kernels::Request<S>& request, int row_count) {
-    const Alone alone(in_use);
+  // These two are for functions that hold the batch.
+  Array read_held(const kernels::Request<S>& request, int row_count) {
     AlignedBlock<S> result = block_of<S>(row_count);
     const StatePointers<S> l = state_pointers();
     workers.for_environments(stepped(), step_nanoseconds, kernels.lanes,
@@ -342,6 +350,15 @@ struct Batch<S>::Impl {
                                kernels.read(tables, l, first, last, request, result.data(), stride, scratch);
                              });
     return View(result.data(), row_count, environments, Eigen::OuterStride<>(stride));
+  }
+  Array read_frame_held(kernels::Quantity quantity, int link, const Eigen::Vector3d& offset, int row_count) {
+    kernels::Request<S> request{quantity, link};
+    for (int k = 0; k < 3; ++k) request.offset[k] = static_cast<S>(offset[k]);
+    return read_held(request, row_count);
+  }
+  Array read(const kernels::Request<S>& request, int row_count) {
+    const Alone alone(in_use);
+    return read_held(request, row_count);
   }
 
   // Angles or whole turns of the joints.
@@ -360,9 +377,8 @@ struct Batch<S>::Impl {
   Array read(kernels::Quantity quantity, int row_count) { return read(kernels::Request<S>{quantity}, row_count); }
 
   Array read_frame(kernels::Quantity quantity, int link, const Eigen::Vector3d& offset, int row_count) {
-    kernels::Request<S> request{quantity, link};
-    for (int k = 0; k < 3; ++k) request.offset[k] = static_cast<S>(offset[k]);
-    return read(request, row_count);
+    const Alone alone(in_use);
+    return read_frame_held(quantity, link, offset, row_count);
   }
 
   int frame_of(lockstep::Quantity quantity, int i) const;

@@ -44,16 +44,18 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
                                   const InverseKinematicsOptions& options) -> Array {
   // Everything is looked at before anything is written.
   Impl& batch = impl();
+  const Alone alone(batch.in_use);
   const Plan& plan = batch.plan;
-  batch.site(site);
+  const Site& frame = batch.site(site);
+  const int link = plan.link(frame.link);
   const bool of_poses = targets.rows() == 7;
   if ((targets.rows() != 3 && !of_poses) || targets.cols() != batch.environments)
     throw UsageError("targets", fmt::format("are {} x {}", targets.rows(), targets.cols()),
                      fmt::format("give 3 or 7 rows x {} environments", batch.environments));
-  if (options.iterations < 1 || !(options.tolerance > 0.0))
+  if (options.iterations < 1 || !(options.tolerance > 0.0 && std::isfinite(options.tolerance)))
     throw UsageError("options of inverse kinematics",
                      fmt::format("are {} iterations and a tolerance of {}", options.iterations, options.tolerance),
-                     "give 1 or more, and a tolerance above 0");
+                     "give 1 or more, and a finite tolerance above 0");
   std::vector<int> ids;
   which.for_each(batch.environments, [&](int e) { ids.push_back(e); });
   for (const int e : ids)
@@ -128,7 +130,9 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
   // What is left to the targets.
   const Query pose{Quantity::site_pose, {site}};
   Array at(7, batch.environments);
-  const auto read_sites = [&] { read(std::span(&pose, 1), {at.data(), at.outerStride(), 1}); };
+  const auto read_sites = [&] {
+    batch.read(std::span(&pose, 1), {at.data(), at.outerStride(), 1}, batch.environments);
+  };
   const auto turn_of = [](const auto& rows, int e) {
     const auto number = [&](int k) { return static_cast<double>(rows(k, e)); };
     return Eigen::Quaterniond(number(3), number(4), number(5), number(6)).normalized();
@@ -157,7 +161,8 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
   // A step that leaves less is kept, and the next one is damped less; another one is taken back.
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
     if (std::none_of(searches.begin(), searches.end(), [](const Search& search) { return search.searches; })) break;
-    const Array jacobians = site_jacobians(site);
+    const Array jacobians = batch.read_frame_held(kernels::Quantity::frame_jacobian, link, frame.pose.translation(),
+                                                  6 * batch.tables.velocities);
     for (std::size_t i = 0; i < ids.size(); ++i) {
       Search& search = searches[i];
       const int e = ids[i];
@@ -223,7 +228,7 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
   }
 
   // Velocities of followers where the joints now are, and what is left.
-  project(ids, Couplings::all);
+  for (const int e : ids) batch.project(e, Couplings::all, unmet);
   Array left = Array::Zero(2, batch.environments);
   for (std::size_t i = 0; i < ids.size(); ++i) {
     const Eigen::VectorXd& error = searches[i].error;

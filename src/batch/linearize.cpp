@@ -33,14 +33,18 @@ void check_options(const Plan& plan, const LinearizeOptions& options) {
       throw UsageError(std::string("field ") + to_string(row.parameter),
                        fmt::format("has {} rows, so no row {}", plan.parameter_rows(row.parameter), row.row),
                        "see Plan::parameter_row_names()");
+    if (row.parameter == Parameter::coupling_switch || row.parameter == Parameter::loop_switch)
+      throw UsageError(std::string("field ") + to_string(row.parameter), "is on or off, and has no derivative",
+                       "leave it out");
   }
   if (program_of(plan).f64.actuators.is_late())
     throw UsageError("plan", "has drives with a delay or a lag, whose memory is no part of the state",
                      "compile the model with Drive::delay and Drive::lag 0");
   const double tolerance = plan.settings().contacts.tolerance;
   if (program_of(plan).f64.counts_solves() && tolerance > coarsest_tolerance)
-    throw UsageError("tolerance of contacts",
-                     fmt::format("is {}, and differences need {} or less", tolerance, coarsest_tolerance),
+    throw UsageError("ContactSettings::tolerance",
+                     fmt::format("is {}, and differences need {} or less where contacts or limits are solved in rounds",
+                                 tolerance, coarsest_tolerance),
                      "compile with ContactSettings::tolerance = 1e-10 and 100 rounds");
 }
 
@@ -56,16 +60,30 @@ void check_loops_hold(const Plan& plan, const StatePointers<S>& rows, std::span<
                          "switch it on, or compile a model without it");
 }
 
+// A limit that is infinite, or a number that may be no other, has no difference.
+void require_difference(const ParameterRow& row, double forwards, double backwards, int environment) {
+  if (forwards != backwards && !(is_limit(row.parameter) && std::isnan(forwards - backwards))) return;
+  throw UsageError(
+      std::string("field ") + to_string(row.parameter),
+      fmt::format("has {} in row {} of environment {}, which cannot be moved", forwards, row.row, environment),
+      "leave the row out");
+}
+
 // What copies are moved by: a coordinate of the state, an input or a parameter.
 class Differences {
  public:
-  Differences(const Plan& plan, const LinearizeOptions& options)
+  Differences(const Plan& plan, const LinearizeOptions& options, const ValueRules<double>& rules)
       : plan_(plan),
         options_(options),
         dofs_(coordinate_dofs(plan)),
         inputs_(options.inputs == ActionKind::effort ? plan.independent_dofs() : plan.driven_dofs()),
         roots_(static_cast<int>(plan.root_names().size())) {
     for (const Query& query : options.record) rows_ += plan.query_rows(query);
+    for (const ParameterRow& row : options.parameters) {
+      const auto rule = std::ranges::find_if(
+          rules.rows, [&](const auto& of) { return of.field == row.parameter && of.row == row.row; });
+      rules_.push_back(rule == rules.rows.end() ? nullptr : &*rule);
+    }
   }
 
   int half() const { return static_cast<int>(dofs_.size()) + 6 * roots_; }  // of the state: positions or velocities
@@ -75,8 +93,8 @@ class Differences {
   int columns() const { return states() + inputs() + parameters(); }
   int rows() const { return rows_; }
 
-  /// Moves environment e along a column, forwards or backwards. Returns the number moved, as it stands then, if it is
-  /// an input or a parameter.
+  /// Moves environment e along a column, forwards or backwards, unless a parameter would leave its range. Returns the
+  /// number moved, as it stands then, if it is an input or a parameter.
   double move(Batch<double>& batch, int e, int column, double sign) const {
     const int dofs = static_cast<int>(dofs_.size());
     const double step = sign * options_.step;
@@ -99,9 +117,11 @@ class Differences {
       for (Eigen::Index row = dof; row < all.rows(); row += plan_.dofs()) all(row, e) += step;
       return all(dof, e);
     }
-    const ParameterRow& row = options_.parameters[static_cast<std::size_t>(column - states() - inputs())];
-    double& number = batch.parameter(row.parameter)(row.row, e);
-    return number += number == 0.0 ? step : step * std::abs(number);
+    const auto k = static_cast<std::size_t>(column - states() - inputs());
+    double& number = batch.parameter(options_.parameters[k].parameter)(options_.parameters[k].row, e);
+    const double moved = number + (number == 0.0 ? step : step * std::abs(number));
+    const bool leaves = rules_[k] && rules_[k]->holds(number) && !rules_[k]->holds(moved);
+    return leaves ? number : number = moved;
   }
 
   /// State of one batch, from which differences are taken: copies of the arrays.
@@ -183,6 +203,7 @@ class Differences {
   const Plan& plan_;
   const LinearizeOptions& options_;
   std::vector<int> dofs_, inputs_;
+  std::vector<const ValueRule<double>*> rules_;  // by parameter, null for any number
   int roots_, rows_ = 0;
 };
 
@@ -236,7 +257,7 @@ std::vector<Linearization> Batch<S>::linearize(const EnvironmentSet& which, cons
     which.for_each(own.environments, [&](int e) { ids.push_back(e); });
     check_couplings_hold(own.plan, own.state_pointers(), ids);
     check_loops_hold(own.plan, own.state_pointers(), ids);
-    const Differences differences(own.plan, options);
+    const Differences differences(own.plan, options, own.rules);
     const std::vector<std::byte> bytes = save(ids);
     const Blob blob = read_blob(bytes);
 
@@ -264,6 +285,9 @@ std::vector<Linearization> Batch<S>::linearize(const EnvironmentSet& which, cons
         const double forwards = differences.move(workspace, 2 * i, column, 1.0);
         const double backwards = differences.move(workspace, 2 * i + 1, column, -1.0);
         measured[static_cast<std::size_t>((first + i) / columns)].number[column] = forwards - backwards;
+        if (const int k = column - differences.states() - differences.inputs(); k >= 0)
+          require_difference(options.parameters[static_cast<std::size_t>(k)], forwards, backwards,
+                             ids[static_cast<std::size_t>((first + i) / columns)]);
       }
       if (const auto unmet = workspace.project(used); !unmet.empty())
         throw UsageError(

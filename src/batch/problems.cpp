@@ -30,8 +30,7 @@ class Batch<S>::Impl::ProblemFinder {
     find_infinite(batch_.rows.velocity_target, "velocity_targets",
                   [&](int row) { return "velocity target" + joint(row); });
     find_infinite(batch_.rows.effort, "efforts", [&](int row) { return "effort" + joint(row); });
-    for (const Parameter field : {Parameter::offset, Parameter::gravity, Parameter::link_wrench,
-                                  Parameter::coupling_switch, Parameter::loop_switch})  // the others have rules
+    for (const Parameter field : {Parameter::gravity, Parameter::link_wrench})  // the others have rules
       find_infinite(batch_.rows.field(field), to_string(field), [&](int row) {
         return to_string(field) + (" '" + batch_.plan.parameter_row_names(field)[static_cast<std::size_t>(row)] + "'");
       });

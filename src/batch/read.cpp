@@ -373,6 +373,10 @@ int Batch<S>::Impl::frame_of(Quantity quantity, int i) const {
 template <class S>
 void Batch<S>::read(std::span<const Query> queries, const StridedRows<S>& out) const {
   const Alone alone(impl().in_use);
+  std::ptrdiff_t rows = 0;
+  for (const Query& query : queries) rows += plan().query_rows(query);
+  impl().require_foreign(Extent(out.data, {{rows, out.row_stride}, {environments(), out.environment_stride}}),
+                         "memory of the queries");
   impl().read(queries, out, environments());
 }
 

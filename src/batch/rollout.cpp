@@ -22,6 +22,22 @@ void require_finite(const StridedSteps<const S>& controls, int rollouts, int ste
                            "give finite numbers");
 }
 
+template <class Number>
+Extent extent_of(const StridedSteps<Number>& of, const RolloutOptions& options, int rows) {
+  return Extent(of.data,
+                {{options.rollouts, of.rollout_stride}, {options.steps, of.step_stride}, {rows, of.row_stride}});
+}
+
+// Whether both stand side by side in each step of one array.
+template <class S>
+bool are_side_by_side(const StridedSteps<const S>& controls, int columns, const StridedSteps<S>& out, int rows) {
+  const std::ptrdiff_t step = out.step_stride, between = out.data - controls.data;
+  if (controls.rollout_stride != out.rollout_stride || controls.step_stride != step || controls.row_stride != 1 ||
+      out.row_stride != 1 || step < 1 || out.rollout_stride % step != 0)
+    return false;
+  return between > 0 ? between >= columns && between + rows <= step : -between >= rows && columns - between <= step;
+}
+
 void require_positive(int number, const char* element) {
   if (number < 1) throw UsageError(element, fmt::format("is {}", number), "give 1 or more");
 }
@@ -47,6 +63,12 @@ std::vector<Fault> Batch<S>::rollout(std::span<const std::byte> start, const Str
     throw UsageError("memory of the queries", "is null", fmt::format("give {} rows of each step", rows));
   if (columns > 0 && !controls.data)
     throw UsageError("actions", "are null", fmt::format("give {} of each step", columns));
+  const Extent read = extent_of(controls, options, columns), written = extent_of(out, options, rows);
+  batch.require_foreign(read, "actions");
+  batch.require_foreign(written, "memory of the queries");
+  if (read.overlaps(written) && !are_side_by_side(controls, columns, out, rows))
+    throw UsageError("memory of the queries", "overlaps that of the actions, which are read later",
+                     "give memory of its own");
   require_finite(controls, all, options.steps, columns);
   const Blob blob = start.empty() ? Blob{} : read_blob(start);
   const int saved = start.empty() ? batch.environments : static_cast<int>(blob.head.environments);

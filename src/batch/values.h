@@ -202,13 +202,20 @@ ValueRules<S> value_rules(const Program& program) {
   for (std::size_t c = 0; c < names.size(); ++c) {
     const Coupling& coupling = model.couplings[c];
     const std::string element = "coupling '" + names[c] + "'";
+    const bool tied = places_tendon(program.f64, static_cast<int>(c));
+    if (declares(Parameter::offset) && !coupling.function)
+      rules.rows.push_back(
+          {Parameter::offset, static_cast<int>(c), -largest, largest, "offset of " + element, "a number"});
+    if (declares(Parameter::coupling_switch) && !tied)
+      rules.rows.push_back({Parameter::coupling_switch, static_cast<int>(c), -largest, largest, "switch of " + element,
+                            "a number, 0 where it is off"});
     for (const CouplingTerm& term : coupling.terms) {
       if (declares(Parameter::gear_ratio))
         rules.rows.push_back({Parameter::gear_ratio, gear, S(1e-9), S(1e9),
                               "ratio of joint '" + term.joint + "' in " + element, "1e-9 to 1e9 in magnitude"});
       ++gear;
     }
-    if (places_tendon(program.f64, static_cast<int>(c))) {  // nothing else says where it is
+    if (tied) {  // nothing else says where it is
       const char* const always = "the tendon's own, as nothing else says where it is";
       const auto fixed = [&](Parameter field, int row, double value, const std::string& what) {
         if (declares(field))
@@ -310,7 +317,10 @@ ValueRules<S> value_rules(const Program& program) {
              fields_of(program).names[static_cast<unsigned>(Parameter::function)][static_cast<std::size_t>(i)] + "'",
          "a number"});
 
-  // Frames of loops.
+  // Switches and frames of loops.
+  for (std::size_t l = 0; declares(Parameter::loop_switch) && l < model.loops.size(); ++l)
+    rules.rows.push_back({Parameter::loop_switch, static_cast<int>(l), -largest, largest,
+                          "switch of loop '" + model.loops[l].name + "'", "a number, 0 where it is off"});
   for (std::size_t l = 0; declares(Parameter::loop_frame) && l < model.loops.size(); ++l) {
     const int row = 7 * static_cast<int>(l);
     const std::string element = "frame of loop '" + model.loops[l].name + "'";

@@ -108,6 +108,8 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   program->model.roots = Trees(model).roots;  // named, if the model leaves them out
   program->settings = settings;
   Tables<double>& t = program->f64;
+  for (unsigned p = 0; p < parameter_count; ++p)  // what is laid out depends on it
+    if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
 
   // What moves, which joints follow others, and the method: plan/bodies and plan/couplings.
   lay_out_times(*program, integrator);
@@ -157,8 +159,6 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   t.record_efforts = settings.record_efforts;
   t.record_contacts = settings.record_contacts;
   t.record_accelerations = settings.record_accelerations;
-  for (unsigned p = 0; p < parameter_count; ++p)
-    if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
 
   // From all tables: single precision, and what keeps integrators from applying.
   narrow(*program);

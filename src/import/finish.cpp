@@ -169,7 +169,7 @@ Import finished(Draft& draft, const ImportOptions& options, Report& report, cons
   report_followers_ranges(as_stepped, report);
   report_joints(as_stepped, report);
   report_colliders(model, options, report);
-  Import result{std::move(model), report.lines(), report.warnings(), std::move(draft.visual_meshes)};
+  Import result{std::move(model), report.lines(), report.warnings(), std::move(draft.visual_meshes), report.files()};
   result.report.insert(result.report.begin(), "read " + contents_of(result.model));
   return result;
 }

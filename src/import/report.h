@@ -1,6 +1,7 @@
 // The importer's report. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <set>
 #include <string>
@@ -28,6 +29,12 @@ class Report {
   void not_used(const std::string& kind, int times = 1) { not_used_[kind] += times; }  ///< part of URDF, not of a step
   void unknown(const std::string& kind) { ++unknown_[kind]; }  ///< not part of URDF: perhaps a misspelling
 
+  /// A file that was read. Each counts once.
+  void note_file(const std::string& path) {
+    if (std::find(files_.begin(), files_.end(), path) == files_.end()) files_.push_back(path);
+  }
+  const std::vector<std::string>& files() const { return files_; }
+
   /// Reads or judges a part of the file. Where it is refused, the reason is kept and the result is false, so that what
   /// else is refused can be found. Throws an error with all reasons at the twentieth part.
   template <class Part>
@@ -47,7 +54,7 @@ class Report {
  private:
   void refuse(const Error& error, bool is_of_model);
 
-  std::vector<std::string> order_;
+  std::vector<std::string> order_, files_;
   std::map<std::string, std::vector<std::pair<double, std::string>>> remarks_;  // items after their sizes
   std::map<std::string, std::map<std::string, int>> tallies_;
   std::set<std::string> warned_, whole_;  // of order_

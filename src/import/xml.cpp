@@ -24,6 +24,8 @@ std::string text_of(const std::string& path) {
 
 namespace {
 
+constexpr std::size_t most_attributes = 5000;  // of an element
+
 void refuse_usd(std::string_view text, const std::string& source) {
   const bool is_package = source.ends_with(".usdz") && text.starts_with("PK");
   if (text.starts_with("#usda ") || text.starts_with("PXR-USDC") || is_package)
@@ -74,17 +76,36 @@ void expand_entities(tinyxml2::XMLElement& root, const std::string& source) {
 
 }  // namespace
 
+namespace {
+
+// The parser compares each attribute of an element with all before it, so their number is bounded first.
+void refuse_many_attributes(std::string_view text, const std::string& source) {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i + 1 < text.size(); ++i) {
+    if (text.substr(i, 4) == "<!--") i = std::min(text.find("-->", i), text.size() - 2);
+    if (text[i] == '<') count = 0;
+    count += text[i] == '=' && std::string_view("\"' \t\r\n").find(text[i + 1]) != std::string_view::npos;
+    if (count > most_attributes)
+      throw ImportError(fmt::format("{}:{}", source, 1 + std::count(text.begin(), text.begin() + i, '\n')),
+                        fmt::format("has an element of more than {} attributes", most_attributes),
+                        "give a robot description; none needs that");
+  }
+}
+
+}  // namespace
+
 tinyxml2::XMLElement& parsed(const std::string& text, const std::string& source, const std::string& wanted,
                              tinyxml2::XMLDocument& document, Report& report) {
   refuse_usd(text, source);
   const std::string_view content = without_tail(text, source, report);
+  refuse_many_attributes(content, source);
   if (document.Parse(content.data(), content.size()) != tinyxml2::XML_SUCCESS) {
     const std::string place = fmt::format("{}:{}", source, document.ErrorLineNum());
     if (document.ErrorID() == tinyxml2::XML_ERROR_EMPTY_DOCUMENT)
       throw ImportError(source, "is empty", "give " + wanted);
     if (document.ErrorID() == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED)
       throw ImportError(place, fmt::format("nests elements deeper than {}", TINYXML2_MAX_ELEMENT_DEPTH),
-                        "give a robot description; none needs that");
+                        "bodies of MJCF stand within each other: give a chain as long as this as URDF");
     throw ImportError(place, fmt::format("is not well-formed XML ({})", document.ErrorName()),
                       "check the tags and quotes there");
   }

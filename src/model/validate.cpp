@@ -100,7 +100,8 @@ void proper_range(const Joint& joint, const string& element) {
   require(!std::isnan(joint.lower) && !std::isnan(joint.upper), element, "position limit is NaN",
           "give a number, or an infinity where there is no limit");
   require(joint.lower <= joint.upper, element, "position range is empty (lower > upper)",
-          "swap the limits; or, if the joint should be free, as PyBullet reads such limits, leave them out: "
+          "swap the limits, or give both, as one that URDF leaves out is 0; or, if the joint should be free, as "
+          "PyBullet reads such limits, leave them out: "
           "ImportOptions::ignore");
   require(joint.lower < infinity && joint.upper > -infinity, element, "position range lies at infinity",
           "give lower = -infinity and upper = infinity where there is no limit");

@@ -231,7 +231,7 @@ void advise(const Truth& truth, const std::vector<ChartPoint>& points, const cha
 
 // Draws what ranks have measured.
 void draw_again(const ChartOptions& options, const std::string& out, int samples) {
-  const Model model = with_start(options, options.model.load(options.ignore).model);
+  const Model model = with_start(options, options.model.load(options.ignore, {out}).model);
   const Truth truth = find_truth(model, options.ignore, samples, [](double) {});
   draw(options, options.table, out, caption(model, truth, options.environments, samples));
 }
@@ -252,7 +252,7 @@ void run(const ChartOptions& options) {
   const int samples = std::max(1, static_cast<int>(std::lround(options.seconds * samples_per_second)));
   if (!options.table.empty()) return draw_again(options, out, samples);
 
-  const Model model = with_start(options, options.model.load(options.ignore).model);
+  const Model model = with_start(options, options.model.load(options.ignore, {out, csv}).model);
 
   Truth truth;
   Measured measured;

@@ -32,7 +32,7 @@ bool is_urdf(const Options& options) {
 void run(const Options& options) {
   const bool urdf = is_urdf(options);
   keep_apart({options.model.file}, {options.out});
-  const Model model = options.model.load({}).model;
+  const Model model = options.model.load({}, {options.out}).model;
   const Export made = urdf ? export_urdf(model) : export_mjcf(model, options.mjcf);
   OutputFile file(options.out);
   file.write(made.text);

@@ -53,7 +53,8 @@ void write_assembly(const Plan& plan, const GenerateOptions& options) {
 void run(GenerateOptions& options) {
   options.kernel.f32 = options.precision != "f64";
   options.kernel.f64 = options.precision != "f32";
-  const Plan plan = compile(options.model.load(options.step.settings.ignore).model, options.step.settings);
+  const Plan plan =
+      compile(options.model.load(options.step.settings.ignore, {options.out}).model, options.step.settings);
   if (options.assembly) return write_assembly(plan, options);
   const KernelSource source = generate_kernel(plan, options.kernel);
   keep_apart({options.model.file}, {options.out});

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstddef>
 #include <iterator>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -84,9 +85,22 @@ Joint& moving_joint(Model& model, const std::string& name, const char* option) {
                                moving.empty() ? "none" : fmt::format("{}", fmt::join(moving, ", "))));
 }
 
+// A number that is given twice: the user sees one of them.
+void refuse_repeats(const std::vector<std::string>& texts, const char* option) {
+  std::set<std::string> names;
+  for (const std::string& text : texts) {
+    const std::size_t equals = text.rfind('=');
+    const std::string name = equals == std::string::npos ? "" : text.substr(0, equals);
+    if (!names.insert(name).second)
+      throw InputError(
+          fmt::format("{}: is given twice for {}; keep one", option, name.empty() ? "all" : "'" + name + "'"));
+  }
+}
+
 // Texts without a name are for all: set(nullptr, numbers). They come first, so that a name takes precedence.
 template <class Set>
 void set_all_then_named(const std::vector<std::string>& texts, std::size_t count, const char* option, const Set& set) {
+  refuse_repeats(texts, option);
   for (const std::string& text : texts)
     if (text.find('=') == std::string::npos) set(nullptr, named_numbers("all=" + text, count, option).numbers);
   for (const std::string& text : texts) {
@@ -307,6 +321,7 @@ void apply(const ModelOptions& options, Model& model) {
   set_number(options.damping, "--damping", &Joint::damping, model);
   set_number(options.armature, "--armature", &Joint::armature, model);
   for (const std::string& text : options.sites) add_site(text, model);
+  refuse_repeats(options.force_limits, "--force-limit"), refuse_repeats(options.drives, "--drive");
   for (const std::string& text : options.force_limits) limit_force(text, model);
   for (const std::string& text : options.drives) drive(text, model);
   for (const std::string& name : options.kinematic) make_kinematic(name, model);
@@ -323,7 +338,7 @@ Import ModelOptions::read(const Ignored& ignore) const {
   return import_file(file, options);
 }
 
-Import ModelOptions::load(const Ignored& ignore) const {
+Import ModelOptions::load(const Ignored& ignore, const std::vector<std::string>& outputs) const {
   const auto fix = [&](const auto& error) { return Fixable(error, fixing_arguments(*this, ignore, error)); };
   Import read;
   try {
@@ -333,6 +348,7 @@ Import ModelOptions::load(const Ignored& ignore) const {
   } catch (const ImportError& error) {
     throw fix(error);
   }
+  keep_apart(read.files, outputs);
   for (const std::string& line : read.warnings) to_stderr("warning: " + line);
   return read;
 }

@@ -39,8 +39,9 @@ struct ModelOptions {
   /// Reads the file and applies the other options. What is ignored is not judged. Throws InputError and
   /// lockstep::Error.
   Import read(const Ignored& ignore) const;
-  /// The same, with the import's warnings on standard error. An error of the file is a Fixable.
-  Import load(const Ignored& ignore) const;
+  /// The same, with the import's warnings on standard error. An error of the file is a Fixable. Throws InputError where
+  /// one of the outputs is a file that was read, such as a mesh.
+  Import load(const Ignored& ignore, const std::vector<std::string>& outputs = {}) const;
 };
 
 /// Applies the options to a model, without reading a file.

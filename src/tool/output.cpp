@@ -18,17 +18,24 @@
 namespace lockstep::tool {
 
 void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
-  std::set<std::filesystem::path> used;
   const auto resolved = [](const std::string& file) {
     std::error_code ignored;  // a path that cannot be resolved is refused when it is opened
     return std::filesystem::weakly_canonical(std::filesystem::absolute(file), ignored);
   };
+  std::vector<std::filesystem::path> used;
+  std::set<std::filesystem::path> written;
   for (const std::string& file : inputs)
-    if (!file.empty()) used.insert(resolved(file));
-  for (const std::string& file : outputs)
-    if (!file.empty() && !used.insert(resolved(file)).second)
+    if (!file.empty()) used.push_back(resolved(file));
+  for (const std::string& file : outputs) {
+    if (file.empty()) continue;
+    std::error_code ignored;
+    const auto is_output = [&](const std::filesystem::path& input) {  // links to one file have several names
+      return input == resolved(file) || std::filesystem::equivalent(input, file, ignored);
+    };
+    if (!written.insert(resolved(file)).second || std::any_of(used.begin(), used.end(), is_output))
       throw InputError(
           fmt::format("{}: would be overwritten, but it is another input or output; give another name", file));
+  }
 }
 
 void require_writable(const std::string& path) {

@@ -116,8 +116,8 @@ StepSettings settings_of(const RunOptions& options, const std::optional<Chosen>&
 
 }  // namespace
 
-Run prepare(const RunOptions& options, const Inputs& inputs) {
-  Import import = options.model.load(options.step.settings.ignore);
+Run prepare(const RunOptions& options, const Inputs& inputs, const std::vector<std::string>& outputs) {
+  Import import = options.model.load(options.step.settings.ignore, outputs);
   const std::optional<Chosen> chosen = chosen_step(options, inputs, import.model);
   const Plan plan = compile(import.model, settings_of(options, chosen));
   return {plan, step_count(options.seconds, plan.settings().dt), std::move(import.visual_meshes)};

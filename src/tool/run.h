@@ -44,7 +44,7 @@ struct Run {
 
 /// Loads the model, chooses the step if --tolerance asks for it (a line says which), and compiles. Throws InputError
 /// and lockstep::Error.
-Run prepare(const RunOptions& options, const Inputs& inputs);
+Run prepare(const RunOptions& options, const Inputs& inputs, const std::vector<std::string>& outputs);
 
 /// Gives the batch the start states of the run's environments that have its ids.
 template <class S>

@@ -267,7 +267,7 @@ int run(const SimulateOptions& options) {
   keep_apart(options.run.files(), outputs);
   for (const std::string& output : outputs) require_writable(output);  // before a long run
   const Inputs inputs(options.run);
-  const auto [plan, steps, visual_meshes] = prepare(options.run, inputs);
+  const auto [plan, steps, visual_meshes] = prepare(options.run, inputs, outputs);
   const Outcome outcome =
       options.run.f64 ? run<double>(options, inputs, plan, steps) : run<float>(options, inputs, plan, steps);
   print(options, plan, outcome);

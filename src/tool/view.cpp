@@ -64,12 +64,12 @@ struct Shown {
 // Colliders are read to be drawn. So contacts of the file that a step cannot take are left out.
 Run prepared(ViewOptions& options, const Inputs& inputs) {
   ModelOptions& model = options.run.model;
-  if (model.ground || !model.contacts.empty()) return prepare(options.run, inputs);
+  if (model.ground || !model.contacts.empty()) return prepare(options.run, inputs, {options.out});
   try {
-    return prepare(options.run, inputs);
+    return prepare(options.run, inputs, {options.out});
   } catch (const SettingsError& error) {
     model.leave_out_contacts = true;
-    Run run = prepare(options.run, inputs);
+    Run run = prepare(options.run, inputs, {options.out});
     to_stderr(fmt::format("warning: contacts of the file are left out: {}", with_own_options(error.what())));
     return run;
   }
@@ -87,17 +87,17 @@ Shown simulated(ViewOptions options) {
 
 Shown replayed(const ViewOptions& options) {
   const StepSettings& settings = options.run.step.settings;
-  const Import import = options.run.model.load(settings.ignore);
+  const Import import = options.run.model.load(settings.ignore, {options.out});
   const Plan plan = compile(import.model, settings);
   std::vector<Recording> recordings;
   for (const std::string& file : options.recordings) recordings.push_back(recording_of(read_csv(file), plan));
   return {replay(recordings, plan, import.visual_meshes, options.rate, options.run.threads), "recorded"};
 }
 
-int run(const ViewOptions& options) {
+int run(ViewOptions options) {
   require_viewer();
-  const std::string out =
-      options.out.empty() ? std::filesystem::path(options.run.model.file).stem().string() + "_view.html" : options.out;
+  std::string& out = options.out;
+  if (out.empty()) out = std::filesystem::path(options.run.model.file).stem().string() + "_view.html";
   std::vector<std::string> read = options.run.files();
   read.insert(read.end(), options.recordings.begin(), options.recordings.end());
   keep_apart(read, {out});

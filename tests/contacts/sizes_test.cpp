@@ -139,7 +139,7 @@ TEST(Restitutions, of_environments_are_those_of_a_plan_each) {
     StepSettings settings = settings_of({Parameter::contact_restitution});
     settings.integrator = integrator;
     const std::vector<double> shares = {0.0, 0.5, 0.9};
-    Batch<double> together(compile(model_of(0.3), settings), 3, {.threads = 1});
+    Batch<double> together(compile(model_of(0.0), settings), 3, {.threads = 1});
     for (int e = 0; e < 3; ++e) together.parameter(Parameter::contact_restitution)(0, e) = shares[e];
     settings.per_environment = {};
     std::vector<Batch<double>> alone;
@@ -153,6 +153,26 @@ TEST(Restitutions, of_environments_are_those_of_a_plan_each) {
       }
     }
   }
+}
+
+// A wall is as near to a body that has grown as to one of that size.
+TEST(SizesOf, bodies_over_a_height_field_reach_as_far_as_they_grow) {
+  Eigen::MatrixXd heights = Eigen::MatrixXd::Zero(81, 81);
+  heights.middleCols(60, 4).setOnes();  // at x = 1 to 1.15
+  const auto model_of = [&](double half) {
+    Model model;
+    add_free(model, "a", {1.0, Vector3d::Zero(), 0.1 * Eigen::Matrix3d::Identity()},
+             Shape::box(Vector3d::Constant(2.0 * half)), {0.07, 0, 2.3}, 0.0);
+    model.colliders.push_back({.name = "hills", .shape = Shape::height_field(heights, 4.0, 4.0), .friction = 0.0});
+    model.contacts = {{"hills", "a"}};
+    return model;
+  };
+  Batch<double> grown(compile(model_of(0.1), settings_of({Parameter::collider_size})), 1, {.threads = 1});
+  grown.parameter(Parameter::collider_size).topRows(3) *= 10.0;
+  Batch<double> own(compile(model_of(1.0), settings_of({})), 1, {.threads = 1});
+  for (int i = 0; i < 80; ++i) grown.step(1), own.step(1);
+  EXPECT_LT(own.root_poses()(2, 0), 2.05) << "it has not landed";
+  EXPECT_NEAR(grown.root_poses()(2, 0), own.root_poses()(2, 0), 1e-3);
 }
 
 }  // namespace

@@ -117,5 +117,40 @@ TEST(Edits, after_a_hundred_steps_and_a_reset_are_as_good_as_edits_before_the_fi
     }
 }
 
+// As Model::validate() refuses them.
+TEST(Check, knows_offsets_and_switches_that_are_not_finite) {
+  for (const double wrong : {infinity, -infinity, std::nan("")})
+    for (const Parameter field : {Parameter::offset, Parameter::coupling_switch}) {
+      Batch<double> batch(
+          compile(scenes::gripper13(), {.per_environment = {Parameter::offset, Parameter::coupling_switch}}), 2,
+          {.threads = 1});
+      batch.parameter(field)(0, 1) = wrong;
+      const std::vector<Problem> found = batch.check();
+      ASSERT_EQ(found.size(), 1u);
+      EXPECT_EQ(found[0].field, to_string(field));
+      const Eigen::ArrayXd before = batch.positions().col(1);
+      batch.step(5);
+      EXPECT_EQ(batch.faults()[0], Fault::none);
+      EXPECT_EQ(batch.faults()[1], Fault::bad_value);
+      EXPECT_TRUE((batch.positions().col(1) == before).all());
+    }
+}
+
+TEST(Ids, do_not_begin_again) {
+  const Plan plan = compile(scenes::chain8());
+  EXPECT_EQ(Batch<float>(plan, 2, {.threads = 1, .first_id = 0xfffffffeu}).ids()[1], 0xffffffffu);
+  EXPECT_THROW(Batch<float>(plan, 3, {.threads = 1, .first_id = 0xfffffffeu}), SettingsError);
+}
+
+TEST(Readings, are_not_written_into_the_batch) {
+  Batch<double> batch(compile(scenes::chain8(), {.per_environment = {Parameter::mass}}), 4, {.threads = 1});
+  const std::vector<Query> velocities = {{Quantity::velocity}};
+  EXPECT_THROW(batch.read(velocities, {batch.positions().data(), batch.positions().outerStride()}), UsageError);
+  auto masses = batch.parameter(Parameter::mass);
+  EXPECT_THROW(batch.read(velocities, {masses.data(), masses.outerStride()}), UsageError);
+  Batch<double>::Array own(batch.plan().dofs(), 4);
+  batch.read(velocities, {own.data(), own.outerStride()});
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -98,5 +98,34 @@ TEST(InUse, lets_one_of_two_steps_through) {
   EXPECT_TRUE(contract::same_bits(batch, alone));
 }
 
+// Another thread steps whenever it may. Once a search has begun, it may not.
+TEST(InUse, holds_for_all_of_inverse_kinematics) {
+  Model model = scenes::chain8();
+  model.sites.push_back({"tip", model.links.back().name, Pose::Identity()});
+  const Plan plan = compile(model);
+  Batch<double> batch(plan, 64, {.threads = 1});
+  const Batch<double>::Array targets = Batch<double>::Array::Constant(3, 64, 0.2);
+  std::atomic<int> steps = 0, refused = 0;
+  std::atomic<bool> stop = false;
+  std::thread stepper([&] {
+    for (; !stop; std::this_thread::yield()) ++(batch.step() ? steps : refused);
+  });
+  const Clock::time_point deadline = Clock::now() + std::chrono::seconds(60);
+  bool done = false;
+  while (!done && Clock::now() < deadline) {
+    try {
+      batch.inverse_kinematics(0, targets);
+      done = true;
+    } catch (const UsageError& error) {
+      EXPECT_EQ(error.rule().find(rule) != std::string::npos, true) << error.what();
+    }
+  }
+  stop = true;
+  stepper.join();
+  EXPECT_TRUE(done);
+  EXPECT_GT(steps, 0);
+  EXPECT_GT(refused, 0);
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -60,6 +60,24 @@ TEST(MjcfRefusal, is_of_what_would_be_another_mechanism) {
                        "<tendon><spatial name='s'><site site='p'/><site site='q'/></spatial></tendon>"
                        "<equality><tendon tendon1='s'/></equality>"),
                  "1:", "spatial");
+  const string inertial = "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>";
+  expect_refused(world(body("<joint/>" + inertial + inertial)), "2: <inertial>", "beside another");
+  expect_refused(world(body("<joint/><inertial mass='1' diaginertia='1 1 1'/>")), "2: <inertial>", "lacks pos");
+  expect_refused(world(body("<joint/><inertial pos='0 0 0' mass='1'/>")), "2: <inertial>", "an inertia");
+  for (const string attribute : {"stiffness", "damping"})
+    for (const string& tendon : {"<fixed name='t' " + attribute + "='-5'><joint joint='x' coef='1'/></fixed>",
+                                 "<spatial name='t' " + attribute + "='-5'><site site='s'/><site site='u'/></spatial>"})
+      expect_refused(world("<site name='s' pos='0 0 1'/>" + body("<joint name='x'/><site name='u'/>"),
+                           "<tendon>" + tendon + "</tendon>"),
+                     "1: ", "negative " + attribute);
+  for (const string condim : {"2", "5", "0", "-3"})
+    expect_refused(world("<geom name='f' type='plane' size='1 1 1'/>" +
+                         body("<freejoint/><geom size='0.1' condim='" + condim + "'/>")),
+                   "2: <geom>", "condim of " + condim, {.colliders = true});
+  expect_refused(world(body("<joint name='x'/>"), "<actuator><position joint='x' kp='5' timeconst='-1'/></actuator>"),
+                 "1: <position>", "negative timeconst");
+  expect_refused(world(body("<joint name='x'/>"), "<actuator><motor joint='x' delay='-0.1'/></actuator>"),
+                 "1: actuator", "negative delay");
   expect_refused(world(body("<joint/><geom type='mesh' mesh='m'/>")), "2: <geom>",
                  "names mesh 'm', which does not exist");
   expect_refused(world(body("<joint/><geom size='0.1' shellinertia='true'/>")), "2: <geom>", "shell");
@@ -403,6 +421,27 @@ TEST(MjcfHostile, is_refused_in_bounded_time_and_memory) {
   expect_refused("<!DOCTYPE d [<!ENTITY e 'x'>]>" + world(pair), "1", "entities");
   expect_refused("<mujoco><worldbody>", "1", "well-formed");
   expect_refused(world("<replicate count='-5'/>"), "2: <replicate>", "count of 0");
+}
+
+// What the parser would compare with each other, and keyframes that are copied, are few or cheap.
+TEST(MjcfRefusal, of_many_attributes_comes_before_they_are_compared) {
+  string many = "<mujoco><option";
+  for (int i = 0; i < 200000; ++i) many += " a" + std::to_string(i) + "='0'";
+  expect_refused(many + "/></mujoco>", "1", "more than 5000 attributes");
+  string comment = "<!--";
+  for (int i = 0; i < 20000; ++i) comment += " a == b";
+  EXPECT_NO_THROW(import_mjcf(world(comment + "-->" + body("<joint/>")), "file"));
+}
+
+// MuJoCo refuses all that stands elsewhere than in its schema. What moves is not left out for that.
+TEST(MjcfRefusal, of_parts_of_the_mechanism_that_stand_where_they_are_not_read) {
+  expect_refused(world(body("<joint><body name='c'/></joint>")), "2: <body>", "stands where");
+  expect_refused(world(body("<joint/><geom size='0.1'><joint name='k'/></geom>")), "2: <joint>", "stands where");
+  expect_refused(world("<option gravity='0 0 0'/>" + body("<joint/>")), "2: <option>", "stands where");
+  expect_refused(world(body("<joint/>"), "<default><joint damping='1'/><joint armature='1'/></default>"), "1: <joint>",
+                 "once more");
+  expect_refused(world(body("<joint/>"), "<compiler><option gravity='0 0 0'/></compiler>"), "1: <option>",
+                 "stands where");
 }
 
 }  // namespace

@@ -160,6 +160,40 @@ TEST(Linearize, refuses_what_it_cannot_do) {
   EXPECT_THROW(Batch<double>(compile(contact_scenes::block()), 1).linearize(), UsageError);
 }
 
+// What has no range below it is moved upwards alone.
+TEST(Linearize, by_parameters_at_an_end_of_their_range_is_one_sided) {
+  const Plan plan = compile(pendulum(0.0), euler({Parameter::damping, Parameter::friction, Parameter::armature}));
+  Batch<double> batch(plan, 2, {.threads = 1});
+  batch.positions().row(0) << 0.8, 0.3;
+  const auto all =
+      batch.linearize(EnvironmentSet::all(),
+                      {.parameters = {{Parameter::damping, 0}, {Parameter::friction, 0}, {Parameter::armature, 0}}});
+  for (int e = 0; e < 2; ++e) {
+    const Linearization& own = all[static_cast<std::size_t>(e)];
+    const double q = batch.positions()(0, e), v = 0.4;
+    const double gained = -dt * mass * gravity * length * std::sin(q) / inertia(), next = v + gained;
+    EXPECT_EQ(own.fault, Fault::none);
+    EXPECT_NEAR(own.state_by_parameter(1, 0), -dt * next / inertia(), 1e-6) << e;
+    EXPECT_NEAR(own.state_by_parameter(1, 1), -dt / inertia(), 1e-6) << e;
+    EXPECT_NEAR(own.state_by_parameter(1, 2), -gained / inertia(), 1e-6) << e;
+  }
+}
+
+TEST(Linearize, refuses_what_has_no_difference) {
+  Model model = pendulum();
+  model.joints[0].kind = JointKind::revolute, model.joints[0].lower = -1.0;
+  const Plan plan = compile(model, [] {
+    StepSettings settings = euler({Parameter::position_limits, Parameter::velocity_limit});
+    settings.contacts.tolerance = 1e-10;
+    return settings;
+  }());
+  Batch<double> batch(plan, 1, {.threads = 1});
+  const auto by = [&](ParameterRow row) { return batch.linearize(EnvironmentSet::all(), {.parameters = {row}}); };
+  EXPECT_EQ(by({Parameter::position_limits, 0})[0].fault, Fault::none);
+  EXPECT_THROW(by({Parameter::position_limits, 1}), UsageError);
+  EXPECT_THROW(by({Parameter::velocity_limit, 0}), UsageError);
+}
+
 TEST(Linearize, flags_a_bad_environment_and_no_other) {
   const Plan plan = compile(pendulum(), euler({Parameter::mass}));
   Batch<double> batch(plan, 2, {.threads = 1});

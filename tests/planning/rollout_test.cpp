@@ -193,5 +193,29 @@ TEST(RolloutRefuses, what_does_not_fit_and_changes_nothing) {
   refused({}, {.rollouts = 2, .steps = 2}, controls.data(), out.data());
 }
 
+// What is recorded would overwrite controls that are read later, or the state.
+TEST(RolloutRefuses, memory_that_it_reads_later) {
+  const Plan plan = compile(pusher());
+  Batch<double> batch(plan, 2, {.threads = 1});
+  const std::vector<std::byte> before = batch.save();
+  const std::vector<Query> positions = {{Quantity::position}};
+  const int n = plan.dofs();
+  std::vector<double> both(2 * 4 * (1 + n), 0.1);
+  const auto rollout = [&](double* controls, double* out, std::ptrdiff_t step) {
+    return batch.rollout(before, {controls, 4 * step, step, 1}, positions, {out, 4 * step, step, 1},
+                         {.rollouts = 2, .steps = 4});
+  };
+  EXPECT_THROW(rollout(both.data(), both.data(), 1 + n), UsageError);
+  EXPECT_THROW(rollout(both.data(), both.data() + 1, 1), UsageError);
+  EXPECT_THROW(rollout(batch.efforts().data(), both.data(), 0), UsageError);
+  EXPECT_EQ(batch.save(), before);
+  // Side by side in each step, whichever comes first.
+  std::vector<double> apart(both.size(), 0.1);
+  EXPECT_EQ(rollout(both.data(), both.data() + 1, 1 + n), rollout(apart.data() + n, apart.data(), 1 + n));
+  for (int i = 0; i < 8; ++i)
+    for (int k = 0; k < n; ++k)
+      EXPECT_EQ(both[static_cast<std::size_t>(i * (1 + n) + 1 + k)], apart[static_cast<std::size_t>(i * (1 + n) + k)]);
+}
+
 }  // namespace
 }  // namespace lockstep

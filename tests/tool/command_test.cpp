@@ -49,6 +49,9 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
   const std::string no_time = write("timeless.csv", "wrist\n1\n");
   const std::string undriven = write("undriven.csv", "time,wrist\n0,1\n");
   const std::string no_urdf = write("text.urdf", "hello");
+  const std::string clocked =
+      write("clocked.xml",
+            "<mujoco><worldbody><body name='a'><joint name='time'/><geom size='0.1'/></body></worldbody></mujoco>");
   const struct {
     Arguments arguments;
     const char* said;
@@ -107,6 +110,10 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
       {{"simulate", model, "--record", path("same"), "--json", path("same")}, "would be overwritten"},
       {{"chart", model, "--out", path("same.csv")}, "would be overwritten"},
       {{"chart", model, "--state", one, "--out", path("one.svg")}, "would be overwritten"},
+      {{"simulate", model, "--drive", "wrist=1,1", "--drive", "wrist=2,1"}, "--drive: is given twice for 'wrist'"},
+      {{"simulate", model, "--damping", "1", "--damping", "2"}, "--damping: is given twice for all"},
+      {{"simulate", clocked, "--seconds", "0.01", "--record", path("r.csv")}, "both claim the column 'time'"},
+      {{"simulate", clocked, "--site", "j.x=a", "--site", "j=a", "--record", path("r.csv")}, "claim the column"},
   };
   for (const auto& [arguments, said] : cases) {
     const Ran ran = run(arguments);

@@ -102,5 +102,33 @@ TEST_F(Hostile, nothing_of_the_current_folder_is_run) {
   EXPECT_FALSE(std::filesystem::exists(path("EXECUTED")));
 }
 
+// A file by any of its names, and what the model's file names.
+TEST_F(Hostile, no_output_replaces_what_the_model_was_read_from) {
+  const std::string mesh =
+      "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+      "endfacet\nfacet normal 0 0 -1\nouter loop\nvertex 0 0 0\nvertex 0 1 0\nvertex 0 0 1\nendloop\n"
+      "endfacet\nfacet normal 0 -1 0\nouter loop\nvertex 0 0 0\nvertex 0 0 1\nvertex 1 0 0\nendloop\n"
+      "endfacet\nfacet normal 1 1 1\nouter loop\nvertex 1 0 0\nvertex 0 0 1\nvertex 0 1 0\nendloop\n"
+      "endfacet\nendsolid s\n";
+  const std::string stl = write("part.stl", mesh);
+  const std::string part = write("part.xml", "<mujoco><option timestep='0.01'/></mujoco>");
+  const std::string own =
+      write("own.xml",
+            "<mujoco><include file='part.xml'/><asset><mesh name='m' file='part.stl'/></asset><worldbody>"
+            "<body name='a'><joint name='j'/><geom type='mesh' mesh='m'/></body></worldbody></mujoco>");
+  std::filesystem::create_hard_link(own, path("twin.xml"));
+  const std::string before = contents(own), part_before = contents(part);
+  for (const std::string& out : {stl, part, path("twin.xml"), own}) {
+    const Ran ran = run({"export", own, "--format", "mjcf", "--out", out});
+    EXPECT_EQ(ran.status, 2) << out;
+    EXPECT_NE(ran.err.find("would be overwritten"), std::string::npos) << ran.err;
+    EXPECT_EQ(run({"simulate", own, "--seconds", "0.01", "--record", out}).status, 2) << out;
+  }
+  EXPECT_EQ(contents(stl), mesh);
+  EXPECT_EQ(contents(part), part_before);
+  EXPECT_EQ(contents(own), before);
+  EXPECT_EQ(run({"export", own, "--format", "mjcf", "--out", path("other.xml")}).status, 0);
+}
+
 }  // namespace
 }  // namespace lockstep::tool

@@ -98,6 +98,7 @@ fs::path MeshFiles::find(const std::string& name, const std::string& subfolder, 
   if (!is_within_any(path, roots))
     fail(fmt::format("leads to '{}', outside of the folders that meshes may lie in", shown(path)),
          fmt::format("give a folder around it: ImportOptions::file_roots{}", or_leave_out));
+  report_.note_file(path.string());
   return path;
 }
 

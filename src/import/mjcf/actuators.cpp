@@ -57,6 +57,7 @@ void write(const Element& element, Numbers& numbers) {
     if (has_kv || has_ratio) numbers.bias[2] = has_kv ? -damping : damping;
     if (element.has("timeconst")) {
       numbers.dynamic[0] = element.number("timeconst");
+      if (numbers.dynamic[0] < 0.0) element.fail("has a negative timeconst", "give 0 or more");
       numbers.dynamics = numbers.dynamic[0] == 0.0 ? Dynamics::none : Dynamics::filterexact;
     }
     if (tag == "intvelocity") numbers.dynamics = Dynamics::integrator;
@@ -179,7 +180,8 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
   actuator.integrates = numbers.dynamics == Dynamics::integrator;
   if (numbers.dynamics == Dynamics::filter || numbers.dynamics == Dynamics::filterexact)
     actuator.lag = std::max(numbers.dynamic[0], 0.0);
-  actuator.delay = std::max(element.number("delay", 0.0), 0.0);
+  actuator.delay = element.number("delay", 0.0);
+  if (actuator.delay < 0.0) element.fail("has a negative delay", "give 0 or more");
   actuator.samples = element.number("nsample", infinity);
   actuator.gain = numbers.gain[0];
   if (numbers.bias_type == Bias::affine) std::copy_n(numbers.bias, 3, actuator.bias);

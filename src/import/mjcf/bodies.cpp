@@ -97,6 +97,7 @@ class Reader {
     } else if (tag == "inertial") {
       const Element inertial(document_, xml);
       if (around.body == 0) inertial.fail("is in the world, which has no mass", "remove it");
+      if (body.has_inertial) inertial.fail("stands beside another <inertial> of the body", "keep one of them");
       body.inertia = read_inertial(inertial, settings_of(xml));
       body.has_inertial = true;
     } else if (tag == "geom") {

@@ -70,6 +70,8 @@ void change_moments(Matrix3d& tensor, Change change) {
 }  // namespace
 
 Inertia read_inertial(const Element& element, const Settings& settings) {
+  for (const bool has : {element.has("pos"), element.has("diaginertia") || element.has("fullinertia")})
+    if (!has) element.fail("lacks pos, or an inertia", "give pos, mass and diaginertia or fullinertia");
   const Eigen::Isometry3d pose = read_pose(element, settings);
   Inertia inertia;
   inertia.center = pose.translation();

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
+#include <string_view>
 
 #include "import/text.h"
 
@@ -33,9 +35,12 @@ Classes::Classes(Document& document) : document_(document) {
 
 void Classes::read(const Element& section, Class& own, Named& classes) {
   const std::vector<const Element::Xml*> children = section.children();
+  std::set<std::string_view> tags;
   for (const Element::Xml* xml : children) {
     if (std::find(std::begin(used), std::end(used), xml->Name()) == std::end(used)) continue;
     document_.visit(*xml);
+    if (!tags.insert(xml->Name()).second)
+      Element(document_, *xml).fail("stands in this <default> once more", "put all its attributes into one element");
     own.elements.push_back(xml);
   }
   for (const Element::Xml* xml : children) {

@@ -53,6 +53,14 @@ const char* name_of(GeomType type) {
   return names[static_cast<std::size_t>(type)];
 }
 
+// How many components its force has.
+int dimension_of(const Element& element) {
+  const int dimension = element.whole("condim", 3);
+  if (dimension != 1 && dimension != 3 && dimension != 4 && dimension != 6)
+    element.fail(fmt::format("has a condim of {}", dimension), "give 1, 3, 4 or 6");
+  return dimension;
+}
+
 class Collision {
  public:
   Collision(const Scene& scene, const std::vector<Place>& places, Draft& draft)
@@ -113,7 +121,7 @@ class Collision {
     const std::string name = names_.unused(geom.name.empty() ? body.name : geom.name);
     const std::string& link = places_[b].link;
     const int carrier = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(links_.find(link))];
-    const int dimension = element.whole("condim", 3);
+    const int dimension = dimension_of(element);
     touches_.push_back({b,
                         carrier,
                         touches_.size(),
@@ -222,7 +230,7 @@ class Collision {
       return report().warn("contact pairs that cannot move against each other, left out", element.place());
     double friction[5] = {1.0, 1.0, 0.005, 0.0001, 0.0001};
     element.numbers("friction", friction, 1, 5);
-    const int dimension = element.whole("condim", 3);
+    const int dimension = dimension_of(element);
     if (dimension > 1 && friction[0] != friction[1])
       report().warn("contact pairs whose two tangential frictions differ, taken as the first",
                     fmt::format("{} has {:g} and {:g}", pair_name_of(element), friction[0], friction[1]));

@@ -51,6 +51,7 @@ const Document::Source& Document::load(const std::string& text, const std::strin
   source->part = part;
   source->root = &parsed(text, name, wanted, source->xml, report_);
   source->xml.SetUserData(source.get());
+  if (!path.empty()) report_.note_file(path.string());
   sources_.push_back(source);
   return *source;
 }
@@ -110,6 +111,7 @@ void Document::include(const Xml& element, const Source& from, int depth) {
   };
   const char* given = element.Attribute("file");
   if (!given) refuse("has no attribute 'file'", "name the file to include");
+  if (element.FirstChildElement()) refuse("holds elements, which the file takes the place of", "put them beside it");
   const std::string name = name_in("file", given, refuse);
   if (element.Attribute("prefix"))
     refuse("has a prefix, which an include has not", "use <attach>, which gives one to all names of another model");
@@ -162,6 +164,10 @@ std::vector<const Document::Xml*> Document::section(std::string_view tag) {
 void Document::account(const Xml& element) {
   const std::string_view tag = element.Name();
   if (tag == "include") return;
+  // Of what is attached, only a body may be taken.
+  if (!visited_.contains(&element) && is_of_mechanism(tag) && part_of(element) == 0)
+    fail(line(element) + ": <" + std::string(tag) + ">", "stands where MJCF has none, so that nobody reads it",
+         "move it to where it belongs");
   if (!visited_.contains(&element))
     return is_known(tag) ? report_.not_used(std::string(tag)) : report_.unknown(shortened(tag));
   for (auto* attribute = element.FirstAttribute(); attribute; attribute = attribute->Next()) {

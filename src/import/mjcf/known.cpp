@@ -52,6 +52,13 @@ static_assert(std::is_sorted(std::begin(known), std::end(known)));
 
 bool is_known(std::string_view name) { return std::binary_search(std::begin(known), std::end(known), name); }
 
+bool is_of_mechanism(std::string_view element) {
+  for (const std::string_view tag : {"attach", "body", "compiler", "frame", "freejoint", "geom", "inertial", "joint",
+                                     "option", "replicate", "site", "worldbody"})
+    if (element == tag) return true;
+  return false;
+}
+
 bool is_for_names(std::string_view attribute) {
   return attribute == "name" || attribute == "class" || attribute == "childclass" || attribute == "model";
 }

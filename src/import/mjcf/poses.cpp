@@ -40,6 +40,7 @@ void add_poses(const Scene& scene, const Start& start, const std::vector<Key>& k
                const std::vector<Control>& controls, Draft& draft) {
   Model& model = draft.model;
   const ByName joints(model.joints);
+  const Model bare = model;  // without the poses of all keys before
   for (const Key& key : keys) {
     NamedPose pose{key.name};
     for (std::size_t j = 0; j < scene.joints.size(); ++j) {
@@ -61,7 +62,7 @@ void add_poses(const Scene& scene, const Start& start, const std::vector<Key>& k
       const auto twist = key.start.twist.find(body);
       pose.root_velocities[own.name] = twist == key.start.twist.end() ? Twist(Twist::Zero()) : twist->second;
     }
-    aim_drives(scene, key, controls, model, pose);
+    aim_drives(scene, key, controls, bare, pose);
     model.poses.push_back(std::move(pose));
   }
 }

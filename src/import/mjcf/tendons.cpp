@@ -68,6 +68,7 @@ void read_tendon(const Element::Xml& xml, Scene& scene) {
     if (terms[1] != 0.0 || terms[2] != 0.0)
       element.fail(std::string(attribute) + " has terms of higher order, which lockstep lacks",
                    "keep the first number alone");
+    if (terms[0] < 0.0) element.fail(std::string("has a negative ") + attribute, "give 0 or more");
     return terms[0];
   };
   if (settings.has_springs) tendon.stiffness = linear("stiffness");

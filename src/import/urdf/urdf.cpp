@@ -129,6 +129,7 @@ Import read(const std::string& text, const std::string& source, const std::strin
             const ImportOptions& options) {
   refuse_others(options, Format::urdf);
   File file{source, {}};
+  if (!folder.empty()) file.report.note_file(source);
   tinyxml2::XMLDocument document(/*processEntities=*/false);
   const tinyxml2::XMLElement& root =
       parsed(text, source, "a URDF file, <robot name=\"...\"> ... </robot>", document, file.report);

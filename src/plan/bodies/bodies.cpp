@@ -77,7 +77,7 @@ double choose_origin(const Vector3d& placed, Body<double>& body) {
     offset[body.axis] = 0.0;
   }
   for (double& component : offset)
-    if (std::abs(component) < axis_tolerance * placed.norm()) component = 0.0;
+    if (std::abs(component) < axis_tolerance * placed.stableNorm()) component = 0.0;
   copy(offset, body.offset);
   return along;
 }
