@@ -70,7 +70,7 @@ std::vector<Cause<S>> causes(const Plan& plan) {
     for (int row : rows) {
       if (parameter == Parameter::mass && row == 0) continue;  // a fixed root may have any mass
       if (parameter == Parameter::link_wrench && row == 0) row = 6;
-      const bool has_range = !by_coupling && parameter != Parameter::gravity && parameter != Parameter::link_wrench;
+      const bool has_range = parameter != Parameter::gravity && parameter != Parameter::link_wrench;
       all.push_back({std::string("NaN ") + to_string(parameter) + " " + std::to_string(row),
                      [=](Batch<S>& b, int e) { b.parameter(parameter)(row, e) = not_a_number; },
                      has_range ? Fault::bad_value : Fault::not_finite});

@@ -85,5 +85,24 @@ TEST(Fault, finds_whatever_is_not_finite_in_random_models_of_every_feature) {
   }
 }
 
+// A body whose distance has no square stands where it stands, and cannot be stepped.
+TEST(Fault, finds_bodies_too_far_away_for_their_squares) {
+  for (const double far : {1e155, 1e300}) {
+    Model model;
+    model.links = {{"base", {}}, {"near", Inertia::box(1.0, {0.1, 0.1, 0.1}, {0.1, 0, 0})}};
+    model.links.push_back({"far", model.links[1].inertia});
+    for (const char* name : {"near", "far"}) {
+      Joint joint;
+      joint.name = name, joint.child = name, joint.parent = model.joints.empty() ? "base" : "near";
+      joint.kind = JointKind::continuous, joint.axis = {0, 1, 0};
+      if (!model.joints.empty()) joint.origin.translation() = Eigen::Vector3d(far, 0, 0);
+      model.joints.push_back(joint);
+    }
+    Batch<double> batch(compile(model), 1, {.threads = 1});
+    batch.step();
+    EXPECT_NE(batch.faults()[0], Fault::none) << far;
+  }
+}
+
 }  // namespace
 }  // namespace lockstep
