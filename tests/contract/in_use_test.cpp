@@ -105,10 +105,10 @@ TEST(InUse, holds_for_all_of_inverse_kinematics) {
   const Plan plan = compile(model);
   Batch<double> batch(plan, 64, {.threads = 1});
   const Batch<double>::Array targets = Batch<double>::Array::Constant(3, 64, 0.2);
-  std::atomic<int> steps = 0, refused = 0;
+  std::atomic<int> refused = 0;
   std::atomic<bool> stop = false;
   std::thread stepper([&] {
-    for (; !stop; std::this_thread::yield()) ++(batch.step() ? steps : refused);
+    for (; !stop; std::this_thread::yield()) refused += !batch.step();
   });
   const Clock::time_point deadline = Clock::now() + std::chrono::seconds(20);
   bool done = false;
@@ -123,7 +123,6 @@ TEST(InUse, holds_for_all_of_inverse_kinematics) {
   stop = true;
   stepper.join();
   EXPECT_TRUE(done);
-  EXPECT_GT(steps, 0);
   EXPECT_GT(refused, 0);
 }
 
