@@ -352,8 +352,9 @@ class LOCKSTEP_API Batch {
   /// Derivatives of the next step of each environment by state, input and parameter, (M144): centred differences of
   /// copies, which are placed as project() does it and keep what the environment remembers of contacts. The batch stays
   /// as it is. Takes a batch of its own for as long as it runs. A parameter at an end of its range, such as a friction
-  /// of 0, is moved away from it alone. Couplings and loops with a force limit count as holding: where one has slipped,
-  /// the derivatives are those of the state to which project() takes it.
+  /// of 0, is moved away from it alone; what holds for several numbers together may break. Couplings and loops with a
+  /// force limit count as holding: where one has slipped, the derivatives are those of the state to which project()
+  /// takes it.
   ///
   /// Throws UsageError for a Batch<float>, whose differences would be rounding; for ContactSettings::tolerance above
   /// 1e-8, as differences of 1e-6 would drown in what solves leave; for fields that are not declared, switches and

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .errors import UsageError
 
 Array = npt.NDArray[Any]
+TOTAL = "has the name of the sum of all terms"
 
 
 def _named(terms: Any, what: str) -> dict[str, Any]:
@@ -47,6 +48,8 @@ class Rewards:
     def __init__(self, terms: Mapping[str, tuple[float, Callable[[Any], Any]]]) -> None:
         self.terms = _named(terms, "reward")
         for name, term in self.terms.items():
+            if name == "total":
+                raise UsageError("reward term 'total'", TOTAL, "give it another name", "usage")
             if not (isinstance(term, tuple) and len(term) == 2 and callable(term[1])):
                 raise UsageError(f"reward term '{name}'", f"is {term!r}", "give (weight, function)", "usage")
             if not np.isfinite(term[0]):
@@ -87,8 +90,7 @@ class EpisodeLog:
     def add(self, terms: Mapping[str, Array], paid: Array) -> Array:
         """The total, where `paid`. Raises UsageError that names a term which is not finite."""
         if "total" in terms:
-            raise UsageError("reward term 'total'", "has the name of the sum of all terms", "give it another name",
-                             "usage")
+            raise UsageError("reward term 'total'", TOTAL, "give it another name", "usage")
         total = np.zeros(self.num_envs, np.float32)
         for values in terms.values():
             total += values

@@ -62,8 +62,10 @@ class Patch:
     def gaps(self, width: float, every: float, depth: float = 1.0) -> Heights:
         """Square ditches around the middle, `depth` deep and `width` wide at the bottom, one in `every`, m. Their walls are
         a cell wide."""
-        if not 0 < width < every:
-            raise ValueError(f"gaps are {width} m wide, one in {every} m; give 0 < width < every")
+        if not 0 <= width < every:
+            raise ValueError(f"gaps are {width} m wide, one in {every} m; give 0 <= width < every")
+        if width == 0:
+            return self.level()
         beyond = self._from_flat()
         return np.where((beyond > 1e-9) & ((beyond - self.cell + 1e-9) % every < width + 2e-9), -depth, 0.0)
 

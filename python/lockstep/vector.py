@@ -109,7 +109,9 @@ class VectorEnv(Base):  # type: ignore[misc]
             start = Start(spread=1.0 if spread is None else spread)
         if isinstance(start, Start) and not 0.0 <= start.spread <= 1.0:
             raise ValueError(f"spread is {start.spread}, not 0 to 1")
-        decimation, limit = operator.index(decimation), None if limit is None else operator.index(limit)
+        for name, count in (("decimation", decimation), ("limit", limit)):
+            if count is not None and not hasattr(count, "__index__"):
+                raise TypeError(f"{name} is {count}: give a whole number")
         if decimation < 1 or (limit is not None and limit < 1):
             raise ValueError(f"limit and decimation must be 1 or more, not {limit} and {decimation}")
         if render_mode not in (None, "rgb_array"):

@@ -226,12 +226,29 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
     const auto write = [name, numbers](const py::object& self, const py::object& value) {
       const py::array view = self.cast<AnyBatch&>().use([&](auto& own) { return numbers(own, self); });
       if (value.ptr() == view.ptr()) return;
-      const py::array given = plain_numbers(value, name);
-      if (given.dtype().kind() != 'i' && given.dtype().kind() != 'u')
+      // NumPy would take large and small integers of a list for floats.
+      const py::object numpy = py::module_::import("numpy");
+      const py::array given = py::isinstance<py::array>(value)
+                                  ? py::reinterpret_borrow<py::array>(value)
+                                  : py::array(numpy.attr("asarray")(value, "dtype"_a = "O"));
+      const char kind = given.dtype().kind();
+      if (kind == 'O')
+        for (const py::handle& number : given.attr("flat"))
+          if (!py::hasattr(number, "__index__") || is_bool(number))
+            throw py::type_error(std::string(name) + " are whole numbers, not " + text_of(py::repr(number)));
+      if (kind != 'O' && kind != 'i' && kind != 'u')
         throw py::type_error(std::string(name) + " are whole numbers, not " + text_of(given.dtype()));
-      const py::object taken = given.attr("astype")(view.dtype());
-      if (!py::cast<bool>(taken.attr("__eq__")(given).attr("all")()))
-        throw UsageError(name, "has a number outside of " + text_of(view.dtype()), "give smaller ones, 0 or more");
+      const auto refuse = [&] {
+        throw UsageError(name, "has a number outside of " + text_of(view.dtype()), "give one that it can hold");
+      };
+      py::object taken;
+      try {
+        taken = given.attr("astype")(view.dtype());
+      } catch (py::error_already_set& error) {
+        if (!error.matches(PyExc_OverflowError)) throw;
+        refuse();
+      }
+      if (!py::cast<bool>(numpy.attr("equal")(taken, given).attr("all")())) refuse();
       view[py::ellipsis()] = taken;
     };
     batch.def_property(name, read(numbers), py::cpp_function(write), help);

@@ -159,6 +159,7 @@ def test_the_form_of_rsl_rl_for_efforts():
     ({"reward": {"a": first}}, "'a'.*weight"), ({"reward": {"a": (np.nan, first)}}, "'a'.*nan"),
     ({"terminate": {"a": 3}}, "'a'.*function"), ({"events": {"e": Event(touch, "never")}}, "'e'.*never"),
     ({"events": {"e": Event(touch, "interval")}}, "'e'.*every"),
+    ({"reward": {"total": (1.0, first)}}, "'total'.*name"),
     ({"terminate": {"fault": low}}, "'fault'.*name"), ({"terminate": {"time_out": low}}, "'time_out'.*name"),
 ])
 def test_bad_terms_are_named(wrong, words):
@@ -169,7 +170,7 @@ def test_bad_terms_are_named(wrong, words):
 def test_names_that_every_environment_has_are_refused_when_they_are_returned():
     actions = np.zeros((5, 4), np.float32)
     for wrong, words in (({"terminate": lambda env: {"fault": low(env)}}, "'fault'"),
-                         ({"reward": {"total": (1.0, first)}}, "'total'")):
+                         ({"reward": lambda env: {"total": first(env)}}, "'total'")):
         env = Task(**wrong)
         env.reset()
         with pytest.raises(ls.UsageError, match=words):

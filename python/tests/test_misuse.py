@@ -79,6 +79,8 @@ def test_ids_seeds_and_episodes_are_whole_numbers_in_their_range(batch):
                 setattr(batch, name, wrong)
     batch.seed, batch.env_id, batch.episode = (1 << 64) - 1, np.arange(9), -1
     assert batch.seed[3] == (1 << 64) - 1 and batch.env_id[3] == 3 and batch.episode[3] == -1
+    batch.seed = [1, (1 << 63) + 1] + [3] * 7
+    assert int(batch.seed[1]) == (1 << 63) + 1
     with pytest.raises(ls.SettingsError):
         batch.plan.batch(4, first_id=2**32 - 2)
     with pytest.raises(ls.SettingsError):

@@ -62,7 +62,7 @@ void check_loops_hold(const Plan& plan, const StatePointers<S>& rows, std::span<
 
 // A limit that is infinite, or a number that may be no other, has no difference.
 void require_difference(const ParameterRow& row, double forwards, double backwards, int environment) {
-  if (forwards != backwards && !(is_limit(row.parameter) && std::isnan(forwards - backwards))) return;
+  if (forwards != backwards) return;  // NaN is a fault
   throw UsageError(
       std::string("field ") + to_string(row.parameter),
       fmt::format("has {} in row {} of environment {}, which cannot be moved", forwards, row.row, environment),
@@ -80,9 +80,9 @@ class Differences {
         roots_(static_cast<int>(plan.root_names().size())) {
     for (const Query& query : options.record) rows_ += plan.query_rows(query);
     for (const ParameterRow& row : options.parameters) {
-      const auto rule = std::ranges::find_if(
-          rules.rows, [&](const auto& of) { return of.field == row.parameter && of.row == row.row; });
-      rules_.push_back(rule == rules.rows.end() ? nullptr : &*rule);
+      rules_.emplace_back();
+      for (const ValueRule<double>& rule : rules.rows)
+        if (rule.field == row.parameter && rule.row == row.row) rules_.back().push_back(&rule);
     }
   }
 
@@ -120,7 +120,8 @@ class Differences {
     const auto k = static_cast<std::size_t>(column - states() - inputs());
     double& number = batch.parameter(options_.parameters[k].parameter)(options_.parameters[k].row, e);
     const double moved = number + (number == 0.0 ? step : step * std::abs(number));
-    const bool leaves = rules_[k] && rules_[k]->holds(number) && !rules_[k]->holds(moved);
+    const bool leaves =
+        std::ranges::any_of(rules_[k], [&](const auto* rule) { return rule->holds(number) && !rule->holds(moved); });
     return leaves ? number : number = moved;
   }
 
@@ -203,7 +204,7 @@ class Differences {
   const Plan& plan_;
   const LinearizeOptions& options_;
   std::vector<int> dofs_, inputs_;
-  std::vector<const ValueRule<double>*> rules_;  // by parameter, null for any number
+  std::vector<std::vector<const ValueRule<double>*>> rules_;  // by parameter; none for any number
   int roots_, rows_ = 0;
 };
 

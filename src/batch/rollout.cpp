@@ -28,14 +28,23 @@ Extent extent_of(const StridedSteps<Number>& of, const RolloutOptions& options, 
                 {{options.rollouts, of.rollout_stride}, {options.steps, of.step_stride}, {rows, of.row_stride}});
 }
 
-// Whether both stand side by side in each step of one array.
+// Whether both stand side by side in one array, of rollouts and steps in any order.
 template <class S>
-bool are_side_by_side(const StridedSteps<const S>& controls, int columns, const StridedSteps<S>& out, int rows) {
-  const std::ptrdiff_t step = out.step_stride, between = out.data - controls.data;
-  if (controls.rollout_stride != out.rollout_stride || controls.step_stride != step || controls.row_stride != 1 ||
-      out.row_stride != 1 || step < 1 || out.rollout_stride % step != 0)
+bool are_side_by_side(const StridedSteps<const S>& controls, int columns, const StridedSteps<S>& out, int rows,
+                      const RolloutOptions& options) {
+  std::ptrdiff_t smaller = 0, larger = 0;  // strides
+  const auto are_alike = [&](int count, std::ptrdiff_t own, std::ptrdiff_t other) {
+    if (count == 1) return true;
+    smaller = smaller == 0 ? own : std::min(smaller, own), larger = std::max(larger, own);
+    return own == other && own > 0;
+  };
+  if (!are_alike(options.rollouts, controls.rollout_stride, out.rollout_stride) ||
+      !are_alike(options.steps, controls.step_stride, out.step_stride) || controls.row_stride != 1 ||
+      out.row_stride != 1 || smaller == 0 || larger % smaller != 0)
     return false;
-  return between > 0 ? between >= columns && between + rows <= step : -between >= rows && columns - between <= step;
+  const std::ptrdiff_t between = out.data - controls.data;
+  return between > 0 ? between >= columns && between + rows <= smaller
+                     : -between >= rows && columns - between <= smaller;
 }
 
 void require_positive(int number, const char* element) {
@@ -66,7 +75,7 @@ std::vector<Fault> Batch<S>::rollout(std::span<const std::byte> start, const Str
   const Extent read = extent_of(controls, options, columns), written = extent_of(out, options, rows);
   batch.require_foreign(read, "actions");
   batch.require_foreign(written, "memory of the queries");
-  if (read.overlaps(written) && !are_side_by_side(controls, columns, out, rows))
+  if (read.overlaps(written) && !are_side_by_side(controls, columns, out, rows, options))
     throw UsageError("memory of the queries", "overlaps that of the actions, which are read later",
                      "give memory of its own");
   require_finite(controls, all, options.steps, columns);

@@ -74,21 +74,28 @@ void expand_entities(tinyxml2::XMLElement& root, const std::string& source) {
   }
 }
 
-}  // namespace
-
-namespace {
-
 // The parser compares each attribute of an element with all before it, so their number is bounded first.
 void refuse_many_attributes(std::string_view text, const std::string& source) {
-  std::size_t count = 0;
-  for (std::size_t i = 0; i + 1 < text.size(); ++i) {
-    if (text.substr(i, 4) == "<!--") i = std::min(text.find("-->", i), text.size() - 2);
-    if (text[i] == '<') count = 0;
-    count += text[i] == '=' && std::string_view("\"' \t\r\n").find(text[i + 1]) != std::string_view::npos;
-    if (count > most_attributes)
-      throw ImportError(fmt::format("{}:{}", source, 1 + std::count(text.begin(), text.begin() + i, '\n')),
-                        fmt::format("has an element of more than {} attributes", most_attributes),
-                        "give a robot description; none needs that");
+  const auto end_of = [&](std::string_view what, std::size_t from) {
+    return std::min(text.find(what, from), text.size());
+  };
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '<') continue;
+    const std::string_view rest = text.substr(i);
+    if (rest.starts_with("<!--") || rest.starts_with("<![CDATA[")) {
+      i = end_of(rest.starts_with("<!--") ? "-->" : "]]>", i);
+      continue;
+    }
+    const std::size_t begin = i;
+    std::size_t count = 0;
+    for (++i; i < text.size() && text[i] != '>'; ++i) {
+      if (text[i] != '"' && text[i] != '\'') continue;
+      i = end_of(text.substr(i, 1), i + 1);
+      if (++count > most_attributes)
+        throw ImportError(fmt::format("{}:{}", source, 1 + std::count(text.begin(), text.begin() + begin, '\n')),
+                          fmt::format("has an element of more than {} attributes", most_attributes),
+                          "give a robot description; none needs that");
+    }
   }
 }
 

@@ -11,7 +11,7 @@ namespace lockstep::tool {
 Recorder::Recorder(const std::string& path, int environment, const Plan& plan)
     : file_(std::in_place, path), environment_(environment) {
   std::vector<std::string> names = {"time"};
-  const std::vector<StateColumn> columns = state_columns(plan);
+  const std::vector<StateColumn> columns = state_columns(plan, true);
   const auto dofs = columns.begin() + 2 * plan.dofs();
   for (auto column = columns.begin(); column != dofs; ++column) names.push_back(csv_field(column->name));
   for (const std::string& coupling : coupling_names(plan.model())) names.push_back(csv_field("C." + coupling));

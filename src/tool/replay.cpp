@@ -59,7 +59,7 @@ void require_known_columns(const Table& table, const std::vector<StateColumn>& s
 }  // namespace
 
 Recording recording_of(Table table, const Plan& plan) {
-  const std::vector<StateColumn> states = state_columns(plan);
+  const std::vector<StateColumn> states = state_columns(plan, true);
   require_known_columns(table, states);
   const std::size_t time = column_of(table, "time"), fault = column_of(table, "fault");
   Recording recording;

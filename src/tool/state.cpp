@@ -70,13 +70,16 @@ void normalize_quaternion(const Table& table, std::size_t row, int environment, 
 
 }  // namespace
 
-std::vector<StateColumn> state_columns(const Plan& plan) {
+std::vector<StateColumn> state_columns(const Plan& plan, bool of_recording) {
   std::vector<StateColumn> columns;
-  std::map<std::string, std::string> owner = {{"time", "the clock"}, {"fault", "the fault"}};  // of recordings
-  for (const std::string& coupling : coupling_names(plan.model()))
-    owner.emplace("C." + coupling, "coupling '" + coupling + "'");
-  for (const Site& site : plan.model().sites)
-    for (const char* axis : {".x", ".y", ".z"}) owner.emplace("site." + site.name + axis, "site '" + site.name + "'");
+  std::map<std::string, std::string> owner;
+  if (of_recording) {
+    owner = {{"time", "the clock"}, {"fault", "the fault"}};
+    for (const std::string& coupling : coupling_names(plan.model()))
+      owner.emplace("C." + coupling, "coupling '" + coupling + "'");
+    for (const Site& site : plan.model().sites)
+      for (const char* axis : {".x", ".y", ".z"}) owner.emplace("site." + site.name + axis, "site '" + site.name + "'");
+  }
   const auto add = [&](const std::string& name, Kind kind, std::size_t row, const std::string& whose) {
     const auto [other, is_new] = owner.emplace(name, whose);
     if (!is_new)

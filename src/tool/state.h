@@ -20,8 +20,8 @@ struct StateColumn {
 };
 
 /// Position and velocity of each dof, then poses of the floating roots, then their velocities, in the order of the
-/// Batch's rows. Throws InputError if two columns have the same name.
-std::vector<StateColumn> state_columns(const Plan& plan);
+/// Batch's rows. Throws InputError if two columns have the same name, or that of another column of a recording.
+std::vector<StateColumn> state_columns(const Plan& plan, bool of_recording = false);
 
 /// "fixed", "floating", or how many of several trees float.
 std::string base_of(const Model& model);

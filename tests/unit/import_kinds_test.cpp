@@ -291,7 +291,7 @@ INSTANTIATE_TEST_SUITE_P(
                 pair(range, doubles),
                 "ImportOptions::ignore",
                 "names 'laed'",
-                "spelling",
+                "'lead' exists",
                 {.ignore = {.friction = {"laed"}}}},
         Refused{"negative_density",
                 pair(range, doubles),

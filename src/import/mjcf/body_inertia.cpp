@@ -70,8 +70,9 @@ void change_moments(Matrix3d& tensor, Change change) {
 }  // namespace
 
 Inertia read_inertial(const Element& element, const Settings& settings) {
-  for (const bool has : {element.has("pos"), element.has("diaginertia") || element.has("fullinertia")})
-    if (!has) element.fail("lacks pos, or an inertia", "give pos, mass and diaginertia or fullinertia");
+  if (!element.has("pos")) element.fail("lacks pos", "say where the centre of mass is");
+  if (!element.has("diaginertia") && !element.has("fullinertia") && !(settings.least_inertia > 0.0))
+    element.report().warn("inertials without an inertia, taken as point masses", element.place());
   const Eigen::Isometry3d pose = read_pose(element, settings);
   Inertia inertia;
   inertia.center = pose.translation();

@@ -48,7 +48,7 @@ void read_passive(const Element& element, const Settings& settings, JointPart& p
   element.numbers("springdamper", pair, 2, 2);
   if (settings.has_springs && pair[0] > 0.0 && pair[1] > 0.0)
     part.time_constant = pair[0], part.damping_ratio = pair[1];
-  else if (pair[0] != 0.0 || pair[1] != 0.0)
+  else if (settings.has_springs && (pair[0] != 0.0 || pair[1] != 0.0))
     element.report().warn("springdampers of numbers that are not above 0, without effect", element.title());
 }
 

@@ -176,6 +176,7 @@ void Document::account(const Xml& element) {
     const std::string what = fmt::format("'{}' of {}", shortened(name), shortened(tag));
     is_known(name) ? report_.not_used(what) : report_.unknown(what);
   }
+  if (tag == "replicate" && element.IntAttribute("count", 1) == 0) return report_.not_used("replicate of count 0");
   for (auto* node = element.FirstChild(); node; node = node->NextSibling()) {
     if (const Xml* child = node->ToElement())
       account(*child);
