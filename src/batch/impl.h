@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "blob.h"
+#include "checked_options.h"
 #include "draws.h"
 #include "engine.h"
 #include "extent.h"
@@ -26,24 +27,6 @@
 #include "workers.h"
 
 namespace lockstep {
-
-inline constexpr int most_environments = 1 << 24;
-
-inline int checked_environments(int environments) {
-  if (environments < 1 || environments > most_environments)
-    throw SettingsError("environments",
-                        "is " + std::to_string(environments) + ", outside 1 to " + std::to_string(most_environments),
-                        "give 1 or more, in several batches if there are too many");
-  return environments;
-}
-inline std::uint32_t checked_first_id(std::uint32_t first, int environments) {
-  if (first > std::numeric_limits<std::uint32_t>::max() - static_cast<std::uint32_t>(environments - 1))
-    throw SettingsError("first_id",
-                        "is " + std::to_string(first) + ", beyond which " + std::to_string(environments) +
-                            " ids would begin again at 0",
-                        "give a smaller one");
-  return first;
-}
 
 /// w, x, y, z
 template <class S>
@@ -69,7 +52,7 @@ struct Batch<S>::Impl {
 
   Impl(const Plan& p, int count, const BatchOptions& options)
       : plan(p),
-        environments(checked_environments(count)),
+        environments(checked_environments(count, options)),
         target(resolve(options.target)),
         tables(lockstep::tables<S>(program_of(p))),
         kernels(kernels_for<S>(target)),
@@ -109,7 +92,7 @@ struct Batch<S>::Impl {
         },
         rows, start);
     for (int e = 0; e < stride; ++e) settle_drives(e);
-    std::iota(rows.id.data(), rows.id.data() + stride, checked_first_id(options.first_id, environments));
+    std::iota(rows.id.data(), rows.id.data() + stride, options.first_id);
     std::fill_n(rows.seed.data(), stride, options.seed);
   }
 

@@ -1,4 +1,6 @@
 // What MJCF cannot become a Model of, and hostile files. SPDX-License-Identifier: Apache-2.0
+//
+// One file: all refusals are of the same short texts, by the same few helpers.
 #include <unistd.h>
 
 #include <filesystem>
