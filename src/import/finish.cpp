@@ -16,6 +16,7 @@
 #include "ranges.h"
 #include "repair.h"
 #include "text.h"
+#include "units.h"
 
 namespace lockstep::importer {
 namespace {
@@ -168,6 +169,7 @@ Import finished(Draft& draft, const ImportOptions& options, Report& report, cons
   const Model as_stepped = judged(model, options.ignore);
   report_followers_ranges(as_stepped, report);
   report_joints(as_stepped, report);
+  report_units(as_stepped, report);
   report_colliders(model, options, report);
   Import result{std::move(model), report.lines(), report.warnings(), std::move(draft.visual_meshes), report.files()};
   result.report.insert(result.report.begin(), "read " + contents_of(result.model));

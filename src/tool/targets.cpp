@@ -22,6 +22,8 @@ const Joint& joint_of(const Plan& plan, int dof) {
 Targets::Targets(Table table, const Plan& plan) : table_(std::move(table)) {
   const auto time = std::find(table_.columns.begin(), table_.columns.end(), "time");
   if (time == table_.columns.end()) throw InputError(table_.file + ":1: has no column 'time'");
+  if (table_.columns.size() == 1)
+    throw InputError(table_.file + ":1: has times and no targets; add a column with the name of a joint");
   time_ = time - table_.columns.begin();
 
   std::vector<StateColumn> known = state_columns(plan);

@@ -3,7 +3,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
+#include <string_view>
 
 #include "lockstep/lockstep.h"
 
@@ -23,6 +25,10 @@ bool taken(Function&& function) {
 
 /// Ends the program, with words, unless the condition holds.
 void require(bool holds, const std::string& words);
+
+/// Whether an input, by its bytes alone, is one of those that get all that takes long: one in `n`. The others only get
+/// what is quick, so that more of them are tried.
+inline bool one_in(std::size_t n, std::string_view input) { return std::hash<std::string_view>{}(input) % n == 0; }
 
 /// Uses a valid model as a program may: compiles it, steps it, reads and describes it, and exports it. Large ones are
 /// only described.

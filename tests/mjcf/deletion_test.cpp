@@ -29,7 +29,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Case{"contacts",
                          {R"(geom: condim="1")", R"(geom: name="d")", R"(geom: name="post")", R"(geom: name="shown")",
                           R"(geom: size="1 1 1")", R"(geom: type="sphere")", R"(pair: condim="3")"}},
-                    Case{"drives", {R"(general: biasprm="5 -10 -1")", R"(general: biastype="none")"}},
+                    Case{"drives", {R"(general: biasprm="5 -10 -1")"}},
                     Case{"frames",
                          {R"(geom: group="4")", R"(geom: type="box")", R"(geom: type="sphere")", R"(joint: name="hub")",
                           R"(joint: name="spoke")"}},

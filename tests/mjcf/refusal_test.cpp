@@ -267,6 +267,28 @@ TEST(MjcfRefusal, is_of_tendons_that_wrap_around_geoms) {
                  "1: <pulley>", "divisor is not above 0");
 }
 
+// MuJoCo 3.3.8 has each of these.
+TEST(MjcfRefusal, is_of_branches_of_tendons_that_join_no_two_sites) {
+  const auto path = [](const string& inside) {
+    return world("<site name='a'/>" + body("<joint/><geom size='0.1'/><site name='b'/><site name='c'/>", "one"),
+                 "<tendon><spatial name='t'>" + inside + "</spatial></tendon>");
+  };
+  const string a = "<site site='a'/>", b = "<site site='b'/>", c = "<site site='c'/>", pulley = "<pulley divisor='2'/>";
+  for (const string& inside : {a + b + pulley, a + b + pulley + pulley + a + c, a + b + pulley + c, a + pulley + b + c})
+    expect_refused(path(inside), "1: tendon 't'", "a branch beside a pulley that joins none");
+  EXPECT_NO_THROW(import_mjcf(path(pulley + a + b)));
+  EXPECT_NO_THROW(import_mjcf(path(a + b + pulley + a + c)));
+}
+
+TEST(MjcfRefusal, is_of_parts_in_two_places) {
+  const auto capsule = [](const string& place) {
+    return world(body("<joint/><geom type='capsule' size='0.1' fromto='0 0 0 1 0 0' " + place + "/>"));
+  };
+  expect_refused(capsule("pos='1 2 3'"), "2: <geom>", "has a fromto and a pos");
+  EXPECT_NO_THROW(import_mjcf(capsule("quat='0 1 0 0'")));  // MuJoCo takes that
+  expect_refused(world("<site name='s' pos='1 0 0' fromto='0 0 0 1 0 0'/>" + pair), "2:", "has a fromto and a pos");
+}
+
 TEST(MjcfRefusal, is_of_actuators_that_could_mean_two_things) {
   const string length = "<tendon><fixed name='t'><joint joint='x' coef='1'/></fixed></tendon>";
   const auto actuator = [&](const string& attributes, const string& joint = "<joint name='x' range='-90 90'/>") {

@@ -231,6 +231,8 @@ const std::vector<Line> lines = {
     {true,
      world(body("<joint name='b' type='ball'/>", "c"), "<actuator><motor name='m' jointinparent='b'/></actuator>"),
      "actuators left out (1): m acts on a ball joint along its parent's axes (1 u)"},
+    {true, world(pair, "<actuator><general name='m' joint='x' biasprm='0 -1'/></actuator>"),
+     "biasprm of actuators without a biastype, without effect (1): actuator 'm'"},
     {true, world(pair, "<actuator><general name='m' joint='x' biastype='affine' biasprm='0 1'/></actuator>"),
      "actuators left out (1): m pushes away from its target (1 u + 1 length)"},
     {true, world(pair, "<actuator><position name='m' joint='x' forcerange='0 3'/></actuator>"),

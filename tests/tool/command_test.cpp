@@ -47,6 +47,7 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
   const std::string one = write("one.csv", "shoulder\n1\n");
   const std::string backwards = write("backwards.csv", "time,wrist\n1,0\n0.5,0\n");
   const std::string no_time = write("timeless.csv", "wrist\n1\n");
+  const std::string times_alone = write("alone.csv", "time\n0\n");
   const std::string undriven = write("undriven.csv", "time,wrist\n0,1\n");
   const std::string no_urdf = write("text.urdf", "hello");
   const std::string clocked =
@@ -105,6 +106,7 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
       {{"simulate", model, "--envs", "3", "--state", two_rows}, "2 rows for 3 environments"},
       {{"simulate", model, "--targets", backwards, "--drive", "wrist=1,1"}, "backwards.csv:3:1"},
       {{"simulate", model, "--targets", no_time, "--drive", "wrist=1,1"}, "no column 'time'"},
+      {{"simulate", model, "--targets", times_alone, "--drive", "wrist=1,1"}, "has times and no targets"},
       {{"simulate", model, "--targets", undriven}, "has no drive"},
       {{"simulate", model, "--state", one, "--record", one}, "would be overwritten"},
       {{"simulate", model, "--record", path("same"), "--json", path("same")}, "would be overwritten"},

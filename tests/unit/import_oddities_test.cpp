@@ -129,6 +129,32 @@ TEST(Oddities, colliders_without_any_pair_are_warned_of) {
   EXPECT_TRUE(warned(two, {{"a", "b"}}).empty());
 }
 
+TEST(Oddities, numbers_that_look_like_another_unit_are_warned_of) {
+  const auto range = [](const string& lower, const string& upper) {
+    return import_urdf(
+        arm("<limit lower='" + lower + "' upper='" + upper + "' effort='1' velocity='1'/>", "", "revolute"));
+  };
+  EXPECT_TRUE(warns(range("-90", "90"), "ranges that look like degrees, taken in rad (1): j -90 to 90"));
+  EXPECT_TRUE(warns(range("0", "10"), "look like degrees"));
+  for (const auto& [lower, upper] :
+       {std::pair("-9", "9"), {"-1.5708", "1.5708"}, {"-12.566", "12.566"}, {"-1000", "1000"}, {"-1e16", "1e16"}})
+    EXPECT_FALSE(warns(range(lower, upper), "look like degrees")) << upper;
+  const string in_mm =
+      "<inertial><mass value='0.5'/><inertia ixx='300' ixy='0' ixz='0' iyy='300' iyz='0' izz='300'/>"
+      "</inertial>";
+  EXPECT_TRUE(warns(import_urdf(robot(link_text("arm", in_mm) + joint_text("j", "arm"))),
+                    "inertias that look like kg mm^2, taken in kg m^2 (1): arm has a radius of gyration of 24.49 m"));
+  EXPECT_FALSE(warns(import_urdf(arm()), "look like"));
+  const auto brick = [](const string& scale) {
+    return import_mjcf("<mujoco><asset><mesh name='m' scale='" + scale + " " + scale + " " + scale +
+                           "' vertex='0 0 0 50 0 0 0 50 0 0 0 50'/></asset><worldbody><body><freejoint/>"
+                           "<geom type='mesh' mesh='m' mass='1'/></body></worldbody></mujoco>",
+                       "brick", {.colliders = true});
+  };
+  EXPECT_TRUE(warns(brick("1"), "meshes that look like mm, taken in m (1): "));
+  EXPECT_FALSE(warns(brick("0.001"), "look like mm"));
+}
+
 // --- refused in words that fit -----------------------------------------------------------------------
 
 TEST(Oddities, balls_follow_no_other_joint) {

@@ -217,6 +217,16 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"mimic_of_itself", Kind::model, mimic("joint='j'"), "joint 'j'", "itself"},
         Refusal{"mimic_of_fixed", Kind::model, three_joints("<mimic joint='f'/>", "", ""), "joint 'j'",
                 "'f', which is fixed"},
+        Refusal{"mimic_of_floating", Kind::model,
+                "<robot name='r'><link name='a'/><link name='b'>" + unit_body + "</link><link name='c'>" + unit_body +
+                    "</link>" + joint_text("f", "floating", "a", "b") +
+                    joint_text("j", "continuous", "b", "c", "<mimic joint='f'/>") + "</robot>",
+                "joint 'j'", "which is floating"},
+        Refusal{"mimic_of_ball", Kind::model,
+                "<robot name='r'><link name='a'/><link name='b'>" + unit_body + "</link><link name='c'>" + unit_body +
+                    "</link>" + joint_text("f", "ball", "a", "b") +
+                    joint_text("j", "continuous", "b", "c", "<mimic joint='f'/>") + "</robot>",
+                "joint 'j'", "which is a ball joint"},
         Refusal{"mimic_by_zero", Kind::model, three_joints("<mimic joint='k' multiplier='0'/>", "", ""), "joint 'j'",
                 "multiplier 0"},
         Refusal{"mimic_by_nearly_zero", Kind::model, three_joints("<mimic joint='k' multiplier='1e-12'/>", "", ""),

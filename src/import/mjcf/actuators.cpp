@@ -184,6 +184,8 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
   if (actuator.delay < 0.0) element.fail("has a negative delay", "give 0 or more");
   actuator.samples = element.number("nsample", infinity);
   actuator.gain = numbers.gain[0];
+  if (numbers.bias_type == Bias::none && element.has("biasprm") && !element.has("biastype"))
+    element.report().warn("biasprm of actuators without a biastype, without effect", element.title());
   if (numbers.bias_type == Bias::affine) std::copy_n(numbers.bias, 3, actuator.bias);
   if (actuator.bias[2] > 0.0 && actuator.bias[1] == -actuator.gain) {
     actuator.has_damping_ratio = true;

@@ -73,7 +73,12 @@ int sizes_of(GeomType type) {
   }
 }
 
+void refuse_two_places(const Element& element) {
+  if (element.has("pos")) element.fail("has a fromto and a pos", "keep one of them");
+}
+
 void place_between(const Element& element, GeomPart& part) {
+  refuse_two_places(element);
   double ends[6] = {};
   element.numbers("fromto", ends, 6, 6);
   const Eigen::Vector3d from(ends[0], ends[1], ends[2]), to(ends[3], ends[4], ends[5]);
@@ -158,6 +163,7 @@ SitePart read_site(const Element& element, const Eigen::Isometry3d& frame, const
   part.place = element.place();
   double ends[6] = {};
   if (element.numbers("fromto", ends, 6, 6) == 6) {
+    refuse_two_places(element);
     const Eigen::Vector3d from(ends[0], ends[1], ends[2]), to(ends[3], ends[4], ends[5]);
     part.pose.translation() = 0.5 * (from + to);
     if (from != to) part.pose.linear() = turn_to(from - to).toRotationMatrix();

@@ -29,24 +29,32 @@ void read_fixed(const Element& element, Tendon& tendon, const Scene& scene) {
 void read_spatial(const Element& element, Tendon& tendon, const Scene& scene) {
   std::string last;
   double share = 1.0;
-  for (const Element::Xml* xml : element.children()) {
+  int sites = 0;  // of a branch
+  const auto end_branch = [&](bool is_first_pulley) {
+    if (sites < 2 && !is_first_pulley)
+      element.fail("joins no two sites, or has a branch beside a pulley that joins none",
+                   "add <site site=\"...\"/> for both ends of each branch");
+    sites = 0;
+  };
+  const std::vector<const Element::Xml*> path = element.children();
+  for (const Element::Xml* xml : path) {
     const std::string_view tag = xml->Name();
     const Element part(scene.document, *xml);
     if (tag == "site") {
       const std::string site = part.name("site");
       if (!last.empty()) tendon.strands.push_back({last, site, share});
-      last = site;
+      last = site, ++sites;
     } else if (tag == "geom") {
       tendon.wrapped = fmt::format("geom '{}'", part.name("geom"));
       part.name("sidesite", "");
     } else if (tag == "pulley") {
       const double divisor = part.number("divisor");
       if (!(divisor > 0.0)) part.fail("divisor is not above 0", "give the number of strands, such as 2");
+      end_branch(xml == path.front());
       last.clear(), share = 1.0 / divisor;
     }
   }
-  if (tendon.strands.empty() && tendon.wrapped.empty())
-    element.fail("joins no two sites", "add <site site=\"...\"/> for each end");
+  end_branch(false);
 }
 
 void read_tendon(const Element::Xml& xml, Scene& scene) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <unordered_map>
 #include <unordered_set>
 
 #include "import/finish.h"
@@ -113,6 +114,19 @@ void float_roots(Robot& robot, Report& report) {
   std::rotate(model.links.begin(), first, first + 1);
 }
 
+// A mimic follows the one angle or length of its leader.
+void check_leaders(const Robot& robot) {
+  std::unordered_map<std::string, const char*> kinds;  // of joints with several
+  for (const FloatingJoint& floating : robot.floating) kinds.emplace(floating.joint.name, "floating");
+  for (const Joint& joint : robot.model.joints)
+    if (joint.kind == JointKind::ball) kinds.emplace(joint.name.substr(0, joint.name.rfind('.')), "a ball joint");
+  for (const Mimic& mimic : robot.mimics)
+    if (const auto found = kinds.find(mimic.leader); found != kinds.end())
+      throw ModelError("joint '" + robot.model.joints[mimic.follower].name + "'",
+                       "mimics joint '" + mimic.leader + "', which is " + found->second,
+                       "name a joint with one axis: revolute, continuous or prismatic");
+}
+
 // Links and joints as trees with couplings.
 void assemble(Robot& robot, Report& report) {
   check_names(robot);
@@ -120,6 +134,7 @@ void assemble(Robot& robot, Report& report) {
   const auto root = links.begin() + static_cast<std::ptrdiff_t>(root_of(robot));
   std::rotate(links.begin(), root, root + 1);  // to the front; the others keep their order
   float_roots(robot, report);
+  check_leaders(robot);
   couple_mimics(robot.mimics, robot.model, report);
 }
 
