@@ -10,8 +10,7 @@
 namespace lockstep::importer {
 namespace {
 
-// No mechanism that is stepped here has a part of this size, m; and one of 20 mm has it if mm are taken as m.
-constexpr double large = 20.0;
+constexpr double unlikely_radius = 20.0;  // m, of gyration; 20 mm if mm were meant
 
 bool is_whole(double number) { return number == std::round(number); }
 
@@ -36,15 +35,8 @@ void report_units(const Model& model, Report& report) {
     if (looks_like_degrees(joint))
       report.warn("ranges that look like degrees, taken in rad",
                   fmt::format("{} {:g} to {:g}", joint.name, joint.lower, joint.upper));
-  for (const Collider& collider : model.colliders) {
-    if (collider.shape.kind != ShapeKind::hull) continue;
-    const Eigen::Matrix3Xd& points = collider.shape.points;
-    const double across = (points.rowwise().maxCoeff() - points.rowwise().minCoeff()).maxCoeff();
-    if (across > large)
-      report.warn("meshes that look like mm, taken in m", fmt::format("{} is {:.4g} m across", collider.name, across));
-  }
   for (const Link& link : model.links)
-    if (const double radius = radius_of_gyration(link.inertia); radius > large)
+    if (const double radius = radius_of_gyration(link.inertia); radius > unlikely_radius)
       report.warn("inertias that look like kg mm^2, taken in kg m^2",
                   fmt::format("{} has a radius of gyration of {:.4g} m", link.name, radius));
 }

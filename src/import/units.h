@@ -6,7 +6,7 @@
 
 namespace lockstep::importer {
 
-/// Warns of ranges that look like degrees, and of shapes and inertias that look like mm. They are taken as they are.
+/// Warns of ranges that look like degrees and of inertias that look like mm. They are taken as they are.
 void report_units(const Model& model, Report& report);
 
 }  // namespace lockstep::importer

@@ -220,9 +220,21 @@ TEST(UrdfMeshes, have_the_format_of_their_names) {
             1u);
 }
 
+// A mesh of many vertices whose hull is found at once: a box around a torus.
+Mesh boxed_torus(int around, int across) {
+  Mesh mesh = torus(.2, .05, around, across);
+  const Mesh box = block(1, 1, 1);
+  const Eigen::Index vertices = mesh.vertices.cols(), triangles = mesh.triangles.cols();
+  mesh.vertices.conservativeResize(3, vertices + box.vertices.cols());
+  mesh.vertices.rightCols(box.vertices.cols()) = box.vertices.array() - 0.5;
+  mesh.triangles.conservativeResize(3, triangles + box.triangles.cols());
+  mesh.triangles.rightCols(box.triangles.cols()) = box.triangles.array() + static_cast<int>(vertices);
+  return mesh;
+}
+
 TEST(HostileMeshes, of_many_scales_are_bounded) {
   const Folder folder;
-  folder.write("torus.stl", as_binary_stl(torus(.2, .05, 200, 100)));
+  folder.write("torus.stl", as_binary_stl(boxed_torus(200, 100)));
   string collisions;
   for (int i = 1; i < 200; ++i) collisions += mesh("torus.stl", "scale='1 1 " + std::to_string(i) + "'");
   const ImportOptions coarse{.colliders = true, .hull_vertices = 8};

@@ -145,14 +145,6 @@ TEST(Oddities, numbers_that_look_like_another_unit_are_warned_of) {
   EXPECT_TRUE(warns(import_urdf(robot(link_text("arm", in_mm) + joint_text("j", "arm"))),
                     "inertias that look like kg mm^2, taken in kg m^2 (1): arm has a radius of gyration of 24.49 m"));
   EXPECT_FALSE(warns(import_urdf(arm()), "look like"));
-  const auto brick = [](const string& scale) {
-    return import_mjcf("<mujoco><asset><mesh name='m' scale='" + scale + " " + scale + " " + scale +
-                           "' vertex='0 0 0 50 0 0 0 50 0 0 0 50'/></asset><worldbody><body><freejoint/>"
-                           "<geom type='mesh' mesh='m' mass='1'/></body></worldbody></mujoco>",
-                       "brick", {.colliders = true});
-  };
-  EXPECT_TRUE(warns(brick("1"), "meshes that look like mm, taken in m (1): "));
-  EXPECT_FALSE(warns(brick("0.001"), "look like mm"));
 }
 
 // --- refused in words that fit -----------------------------------------------------------------------
