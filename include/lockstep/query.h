@@ -23,7 +23,7 @@ enum class Quantity {
   coupling_error,    ///< by coupling, rad or m
   loop_error,        ///< 2 rows by loop: distance of the frames that it holds (m), angle between their directions (rad)
   loop_force,        ///< 6 rows by loop: force (N) and torque (N m) of the last step on its second link, or on what
-                     ///< carries that, about the second frame's origin, world axes
+                     ///< carries that, about the second frame's origin, world axes; 0 in environments with a fault
   root_pose,         ///< 7 rows by floating root, as Batch::root_poses()
   root_velocity,     ///< 6 rows by floating root, as Batch::root_velocities()
   kinetic_energy,    ///< one row, J

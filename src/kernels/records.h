@@ -6,7 +6,7 @@
 // and by contact the wrench about the world's origin, of the last step.
 #pragma once
 
-#include "kernels/contacts/readback.h"
+#include "kernels/contacts/wrenches.h"
 #include "kernels/couplings/drive_efforts.h"
 
 namespace lockstep::kernels {
@@ -15,16 +15,6 @@ namespace lockstep::kernels {
 template <class T>
 void euler_efforts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   each_drive_effort(t, batch, x, 0, x.next.v, [&](int j, T effort) LOCKSTEP_INLINED { x.records.effort[j] = effort; });
-}
-
-/// act(pair, patch, slot) for all slots of a contact.
-template <class T, class Act>
-LOCKSTEP_INLINE void each_slot_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int contact, Act&& act) {
-  const PairRange& pairs = t.contacts.contacts[contact];
-  for (int p = pairs.first; p < pairs.last; ++p) {
-    const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
-    for (int s = pair.slot; s < pair.slot + pair.slots; ++s) act(pair, x.contacts.patch[p], x.contacts.slot[s]);
-  }
 }
 
 /// (M149): what a step adds to the history of a contact, in the lanes `good`. Forces are on its second collider in the
@@ -64,19 +54,9 @@ void add_accelerations(const Tables<ScalarOf<T>>& t, typename T::Mask good, Tile
   const T rate = T(ScalarOf<T>(1) / t.step), zero = T(0);
   for (int k = 0; k < t.velocities; ++k)
     x.records.acceleration[k] = select(good, (x.next.v[k] - x.records.before[k]) * rate, zero);
-  for (int c = 0; c < t.contacts.contacts.count; ++c) {
-    Vec3<T> force = Vec3<T>::zero(), moment = force;
-    each_slot_of(
-        t, x, c, [&](const auto& pair, const ContactPatch<T>& patch, const ContactSlot<T>& slot) LOCKSTEP_INLINED {
-          const auto force_of = [&](const Vec3<T>& impulse) LOCKSTEP_INLINED {
-            return select<T>(good & less(zero, slot.pressed), scaled(impulse, per_second(t, x)), Vec3<T>::zero());
-          };
-          const Vec3<T> own = force_of(impulse_of_slot(patch, slot));
-          moment = cross_add(point_of_slot(patch, slot), own, moment + force_of(moment_of_slot(pair, patch, slot, x)));
-          force = force + own;
-        });
-    x.records.contact_force[c] = force, x.records.contact_moment[c] = moment;
-  }
+  const auto mean = [&](Vec3<T>& sum) LOCKSTEP_INLINED { sum = select<T>(good, scaled(sum, rate), Vec3<T>::zero()); };
+  for (int c = 0; c < t.contacts.contacts.count; ++c)
+    mean(x.records.contact_force[c]), mean(x.records.contact_moment[c]);
 }
 
 /// After check(): a step that failed does not count.

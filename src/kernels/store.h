@@ -33,7 +33,8 @@ LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   if (t.contacts.used()) store_contacts(t, batch, x);
   if (t.records_calls()) store_records(t, batch, x);
   if (t.counts_solves()) store_counts(batch, x.counts);
-  for (int k = 0; k < 6 * t.loops.loops.count; ++k) store(batch.loop_force + k * batch.stride, x.loops.force[k]);
+  for (int k = 0; k < 6 * t.loops.loops.count; ++k)
+    store(batch.loop_force + k * batch.stride, select(x.frozen, T(0), x.loops.force[k]));
   for (int c = 0; shape.record_impulses && c < t.couplings; ++c)
     store(batch.impulse + c * batch.stride, x.couplings.impulse[c]);
   if (!shape.record_diagnostics) return;

@@ -223,6 +223,11 @@ const std::vector<Line> lines = {
            "<equality><joint joint1='y' joint2='x'/></equality><tendon><fixed name='t'><joint joint='x' coef='1'/>"
            "<joint joint='y' coef='1'/></fixed></tendon><actuator><motor tendon='t'/></actuator>"),
      "effort limits of single joints that a tendon drives together, kept as they are (1): x"},
+    {true,
+     world("<site name='a'/>" + body("<joint name='x' actuatorfrcrange='-1 1'/><site name='b' pos='1 0 0'/>", "one"),
+           "<tendon><spatial name='t'><site site='a'/><site site='b'/></spatial></tendon>"
+           "<actuator><motor tendon='t'/></actuator>"),
+     "effort limits of single joints that a tendon drives together, kept as they are (1): x"},
     {true, world(floating, "<actuator><motor name='m' joint='f'/></actuator>"),
      "actuators left out (1): m acts on a free joint (1 u)"},
     {true,

@@ -200,18 +200,24 @@ class Reader {
     const Element replicate(document_, xml);
     const int count = replicate.whole("count", 0);
     if (!replicate.has("count") || count < 0) replicate.fail("has no count of 0 or more", "write count=\"...\"");
+    for (const char* other : {"pos", "quat", "axisangle", "xyaxes", "zaxis"})
+      if (replicate.has(other))
+        replicate.fail(fmt::format("has {}, which a <replicate> does not take", other), "write offset and euler");
     const std::string separator = replicate.name("sep", "");
     const std::size_t digits = std::to_string(count).size();
-    Eigen::Isometry3d step = read_pose(replicate, settings_of(xml)), frame = Eigen::Isometry3d::Identity();
-    step.translation() = replicate.triple("offset", Eigen::Vector3d::Zero());
+    const Eigen::Vector3d offset = replicate.triple("offset", Eigen::Vector3d::Zero()),
+                          euler = replicate.triple("euler", Eigen::Vector3d::Zero());
+    Eigen::Isometry3d frame = Eigen::Isometry3d::Identity();
     const std::string childclass = classes_.childclass(replicate, around.childclass);
-    for (int i = 0; i < count; ++i, frame = frame * step) {
+    for (int i = 0; i < count; ++i) {
       copies_ += 1 + replicate.children().size();
       if (copies_ > most_copies)
         replicate.fail(fmt::format("makes more than {} copies of elements", most_copies), "give a smaller count");
       std::string number = std::to_string(i);
       number.insert(0, digits - number.size(), '0');
       read_children(replicate, {around.body, around.frame * frame, childclass, separator + number + around.suffix});
+      frame.translation() += frame.linear() * offset;
+      frame.linear() = turn_by_euler((i + 1) * euler, settings_of(xml)).toRotationMatrix();
     }
   }
 

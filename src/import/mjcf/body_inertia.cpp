@@ -100,6 +100,8 @@ void weigh(Bodies& bodies, const std::vector<bool>& is_read, const Settings& set
     const Settings& own = settings.of(bodies.all[i].part);
     report.attempt([&] { add_geoms(bodies.all[i], matters && !leaves_out_meshes, own, meshes, report); });
     Inertia& inertia = bodies.all[i].inertia;
+    if (!(inertia.mass > 0.0) && own.least_mass > 0.0)  // MuJoCo puts it there, in the body's own frame
+      inertia.center = bodies.all[i].pose.translation();
     inertia.mass = std::max(inertia.mass, own.least_mass);
     if (own.least_inertia > 0.0)
       change_moments(inertia.about_center,

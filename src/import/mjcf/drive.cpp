@@ -81,8 +81,7 @@ class Driver {
       return Transmission{scene_.joint(length.terms.front().first).name, length.terms.front().second, length.constant};
     for (const auto& [moved, coefficient] : length.terms)
       if (length.terms.size() > 1 && scene_.joint(moved).effort_limit < infinity)
-        report().warn("effort limits of single joints that a tendon drives together, kept as they are",
-                      scene_.joint(moved).name);
+        report().warn(limits_of_tendons_joints, scene_.joint(moved).name);
     return transmissions_[static_cast<std::size_t>(actuator.tendon)];
   }
 

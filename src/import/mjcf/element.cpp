@@ -50,6 +50,14 @@ bool Element::has(const char* attribute) const {
 
 bool Element::has_own(const char* attribute) const { return in(xml(), attribute) != nullptr; }
 
+const char* Element::innermost(std::initializer_list<const char*> attributes) const {
+  const char* found = nullptr;
+  for (const Xml* layer : layers_)
+    for (const char* attribute : attributes)
+      if (in(*layer, attribute)) found = attribute;
+  return found;
+}
+
 std::string Element::name(const char* attribute) const {
   if (!has(attribute))
     fail(fmt::format("has no attribute '{}'", attribute), fmt::format("write {}=\"...\"", attribute));

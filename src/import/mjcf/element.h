@@ -32,6 +32,8 @@ class Element {
 
   bool has(const char* attribute) const;      ///< in any layer
   bool has_own(const char* attribute) const;  ///< in the element itself
+  /// That of the attributes which the innermost layer with any of them has; null if none has one.
+  const char* innermost(std::initializer_list<const char*> attributes) const;
   std::string name(const char* attribute) const;
   std::string name(const char* attribute, const std::string& fallback) const;
   double number(const char* attribute, double fallback) const;

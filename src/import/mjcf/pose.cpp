@@ -40,37 +40,38 @@ Quaterniond turn(const Element& element, const char* attribute, const Settings& 
     axes << x, y, x.cross(y);
     return Quaterniond(axes);
   }
+  return turn_by_euler({n[0], n[1], n[2]}, settings);
+}
+
+}  // namespace
+
+Quaterniond turn_by_euler(const Vector3d& angles, const Settings& settings) {
   Quaterniond all = Quaterniond::Identity();
   for (int i = 0; i < 3; ++i) {  // small letters turn about moved axes, capital letters about fixed ones
     const char axis = settings.euler[static_cast<std::size_t>(i)];
-    const Quaterniond one(Eigen::AngleAxisd(settings.radians(n[i]),
+    const Quaterniond one(Eigen::AngleAxisd(settings.radians(angles[i]),
                                             Vector3d::Unit(std::tolower(static_cast<unsigned char>(axis)) - 'x')));
     all = axis >= 'x' ? all * one : one * all;
   }
   return all;
 }
 
-}  // namespace
-
 Quaterniond turn_to(const Vector3d& direction) {
   const Vector3d z = direction.normalized();
   Vector3d axis = Vector3d::UnitZ().cross(z);
   const double sine = axis.norm();
-  axis = sine < 1e-10 ? Vector3d::UnitX() : Vector3d(axis / sine);
+  axis = sine < 1e-7 ? Vector3d::UnitX() : Vector3d(axis / sine);  // as in MuJoCo
   return Quaterniond(Eigen::AngleAxisd(std::atan2(sine, z.z()), axis));
 }
 
 Eigen::Isometry3d read_pose(const Element& element, const Settings& settings) {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.translation() = element.triple("pos", Vector3d::Zero());
-  const char* chosen = nullptr;  // a quat counts last, even an own one beside a default, as in MuJoCo
-  int own = element.has_own("quat");
-  for (const char* attribute : {"axisangle", "xyaxes", "zaxis", "euler"}) {
-    if (!element.has(attribute)) continue;
-    own += element.has_own(attribute);
-    if (!chosen || element.has_own(attribute)) chosen = attribute;
-  }
-  if (!chosen && element.has("quat")) chosen = "quat";
+  // A quat counts last, even an own one beside a default, as in MuJoCo.
+  const char* chosen = element.innermost({"axisangle", "xyaxes", "zaxis", "euler"});
+  if (element.has("quat") && !chosen) chosen = "quat";
+  int own = 0;
+  for (const char* attribute : {"quat", "axisangle", "xyaxes", "zaxis", "euler"}) own += element.has_own(attribute);
   if (own > 1) element.fail("has two orientations", "keep one of quat, axisangle, xyaxes, zaxis, euler");
   if (chosen) pose.linear() = turn(element, chosen, settings).toRotationMatrix();
   return pose;

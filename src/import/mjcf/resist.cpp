@@ -122,13 +122,19 @@ void resist_by_time_constants(const Scene& scene, Draft& draft) {
       throw ImportError(part.place, "has a springdamper, among more than 2000 joints",
                         "give stiffness and damping instead");
     if (inertia.empty()) inertia = free_inertia(scene);
-    if (!(inertia[j] > 0.0) || inertia[j] == infinity)
+    double own = inertia[j];
+    if (!part.ball.empty()) {  // one for all its axes
+      double inverse = 0.0;
+      for (std::size_t k = 0; k < 3; ++k) inverse += 1.0 / inertia[j - static_cast<std::size_t>(part.part()) + k];
+      own = 3.0 / inverse;
+    }
+    if (!(own > 0.0) || own == infinity)
       throw ImportError(part.place, "has a springdamper, but moves no inertia", "give stiffness and damping instead");
     Joint& joint = draft.model.joints[static_cast<std::size_t>(draft.model.joint_index(part.name))];
     if (!joint.moves()) continue;
     const double period = part.time_constant * part.damping_ratio;
-    joint.stiffness = inertia[j] / (period * period);
-    joint.damping = 2.0 * inertia[j] / part.time_constant;
+    joint.stiffness = own / (period * period);
+    joint.damping = 2.0 * own / part.time_constant;
     scene.report().remark("springs by springdamper, at the inertia of the drawn pose",
                           fmt::format("{} {:.6g}, damping {:.6g}", joint.name, joint.stiffness, joint.damping));
   }

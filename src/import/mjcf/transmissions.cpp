@@ -81,20 +81,42 @@ class Finder {
       joint.path.push_back({one.link, other.link, one.pose.translation(), other.pose.translation(), strand.share});
     }
     if (!moves) return std::nullopt;
+    if (is_driven(index)) warn_of_limits(tendon);
     joint.name = names_.unused(tendon.name.empty() ? "tendon" : tendon.name);
     draft_.places["joint '" + joint.name + "'"] = tendon.place;
     if (tendon.armature != 0.0)
       scene_.report().warn("armature of spatial tendons, left out",
                            fmt::format("{:g} of {}", tendon.armature, joint.name));
     scene_.report().remark("tendons as joints of their own, whose position is the tendon's length", joint.name);
+    const double rest = length_of(draft_.model, trees, at_rest(trees), joint);
+    draft_.model.joints.push_back(joint);
+    return Transmission{joint.name, 1.0, 0.0, rest};
+  }
+
+  void warn_of_limits(const Tendon& tendon) const {
+    const auto body_of = [&](const std::string& site) { return static_cast<int>(ends_.find_site(site)->body); };
+    for (std::size_t j = 0; j < scene_.joints.size(); ++j) {
+      const JointPart& joint = scene_.joint(static_cast<int>(j));
+      const auto lengthens = [&](const Strand& strand) {
+        return is_above(scene_.joints[j].body, body_of(strand.first)) !=
+               is_above(scene_.joints[j].body, body_of(strand.second));
+      };
+      if (joint.effort_limit < infinity && std::any_of(tendon.strands.begin(), tendon.strands.end(), lengthens))
+        scene_.report().warn(limits_of_tendons_joints, joint.name);
+    }
+  }
+
+  // Joints where their springs are at rest, and what floats where it is drawn, whatever the keyframe says.
+  Configuration at_rest(const Trees& trees) const {
     Configuration at = start_of(draft_.model, trees);
-    const ByName joints(draft_.model.joints);
+    const ByName joints(draft_.model.joints), links(draft_.model.links);
     for (std::size_t j = 0; j < scene_.joints.size(); ++j)
       if (const int own = joints.find(scene_.joint(static_cast<int>(j)).name); own >= 0)
         at.position[static_cast<std::size_t>(own)] = scene_.joint(static_cast<int>(j)).rest;
-    const double rest = length_of(draft_.model, trees, at, joint);
-    draft_.model.joints.push_back(joint);
-    return Transmission{joint.name, 1.0, 0.0, rest};
+    for (const Body& body : scene_.bodies.all)
+      if (const int link = body.floats() ? links.find(body.name) : -1; link >= 0)
+        at.root[static_cast<std::size_t>(trees.tree_of[link])] = body.in_world;
+    return at;
   }
 
   bool is_above(int body, int other) const {
@@ -111,11 +133,12 @@ class Finder {
 
   bool has_more_than_a_spring(std::size_t index) const {
     const Tendon& tendon = scene_.tendons[index];
-    return tendon.range || tendon.has_slack() || tendon.friction != 0.0 || tendon.armature != 0.0 ||
-           std::any_of(scene_.actuators.begin(), scene_.actuators.end(), [&](const Actuator& actuator) {
-             return scene_.settings.has_actuation && actuator.lost.empty() &&
-                    actuator.tendon == static_cast<int>(index);
-           });
+    return tendon.range || tendon.has_slack() || tendon.friction != 0.0 || tendon.armature != 0.0 || is_driven(index);
+  }
+  bool is_driven(std::size_t index) const {
+    return std::any_of(scene_.actuators.begin(), scene_.actuators.end(), [&](const Actuator& actuator) {
+      return scene_.settings.has_actuation && actuator.lost.empty() && actuator.tendon == static_cast<int>(index);
+    });
   }
 
   Joint& joint_of(const std::string& name) {

@@ -25,6 +25,9 @@ struct Transmission {
 std::vector<std::optional<Transmission>> transmissions_of_tendons(const Scene& scene, const Ties& ties,
                                                                   const Ends& ends, Draft& draft);
 
+inline const char* const limits_of_tendons_joints =
+    "effort limits of single joints that a tendon drives together, kept as they are";
+
 /// The name of a tendon in reports.
 std::string title_of(const Tendon& tendon);
 

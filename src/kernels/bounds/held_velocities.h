@@ -192,15 +192,16 @@ LOCKSTEP_INLINE Bound<T> interval_of(const Tables<ScalarOf<T>>& t, const Tile<T>
   return {x.bounds.lo[i], x.bounds.hi[i], T(0), x.bounds.force[r], T(0)};
 }
 
-/// (M85): what a search begins with, from the diagonal of A alone. Rows without friction go on where the search before
-/// has ended, in these lanes. Returns the lanes in which the diagonal differs from that of the round before.
+/// (M85): what a search in `lanes` begins with, from the diagonal of A alone; the other lanes keep their branches and
+/// servos. Rows begin at their ends in the lanes `open`, and those without friction go on where the search before has
+/// ended in the lanes `going_on`. Returns the lanes in which the diagonal differs from that of the round before.
 template <class T>
 typename T::Mask guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
-                       typename T::Mask open, typename T::Mask going_on, Tile<T>& x) {
+                       typename T::Mask lanes, typename T::Mask open, typename T::Mask going_on, Tile<T>& x) {
   const int rows = t.bounds.rows.count, time = x.servos.time;
   const T zero = T(0), h = x.servos.duration;
   const Phase closing = Phase(phases - 1);
-  const auto undecided = ~x.servos.decided;
+  const auto undecided = lanes & ~x.servos.decided, kept = going_on | ~lanes;
 
   // Servos: what is left of their force at the start once the joint alone has given way.
   for (int i = 0; i < t.limited_servos.count; ++i) {
@@ -221,7 +222,7 @@ typename T::Mask guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   for (int r = 0; r < t.bounds.single; ++r)
     for (int p = 0; p < 2; ++p) {
       Branch<T>& own = x.search.branch[p * rows + r];
-      own = {own.low & going_on, own.high & going_on, T::none(), zero};
+      own = {own.low & kept, own.high & kept, own.stuck & ~lanes, select(lanes, zero, own.impulse)};
     }
 
   // Rows by (M85), phase by phase.
@@ -238,7 +239,7 @@ typename T::Mask guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
       own.high = less(inertia * row.hi, reached) & ~own.low & open;
       own.stuck = less(-row.force, momentum) & less(momentum, row.force) & ~own.low & ~own.high & open;
       own.impulse = select(open & ~held(own), slipping, zero);
-      replace(x.search.branch[p * rows + r], own, ~going_on | less(zero, row.force));
+      replace(x.search.branch[p * rows + r], own, lanes & (~going_on | less(zero, row.force)));
     }
   }
 
@@ -384,7 +385,7 @@ void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
                             typename T::Mask other_matrix, Tile<T>& x) {
   const int budget = all_move + rounds_for_each * (t.bounds.single + t.limited_servos.count);
   auto& open = x.search.open;
-  const auto other_guess = guess(t, batch, phases, open, x.search.going_on, x);
+  const auto other_guess = guess(t, batch, phases, ~T::none(), open, x.search.going_on, x);
   for (int r = 0; r < t.bounds.single; ++r)
     x.held.light[r] = T(1) / x.held.matrix[t.rounds.columns.offset[t.rounds.velocity[r]]];
   for (int z = 0; z < t.rounds.columns.n; ++z) x.held.mask[z] = x.held.mask[z] & ~other_matrix;

@@ -4,6 +4,7 @@
 // it, that takes the gaps back. Couplings and velocities that a bound holds stay as they are.
 #pragma once
 
+#include "guard.h"
 #include "integrate.h"
 #include "kernels/couplings/functions.h"
 #include "kernels/loops/find_loops.h"
@@ -32,7 +33,7 @@ void close_loops(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   const Columns& columns = t.rounds.columns;
   const T zero = T(0), most = T(S(fastest_closing) * t.step);
 
-  loop_forces(t, t.step, x);
+  add_loop_impulses(t, keeping_lanes(t, x), x);
 
   // The gaps where the step would end.
   for (int j = 0; j < t.joints; ++j)

@@ -84,7 +84,11 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     if (!touching && (t.bounds.rows.count > 0 || searches) && bounds_active(t, batch, x)) solve_bounds(t, batch, x);
   } while (t.guesses_servos() && saturation_differs(t, batch, x));
   if (t.contacts.used()) touch(t, batch, !touching, x);
-  if (t.loops.used()) loop_forces(t, t.dt, x);
+  if (t.loops.used()) {
+    clear_loop_forces(t, x);
+    add_loop_impulses(t, ~T::none(), x);
+    end_loop_forces(t, t.dt, x);
+  }
   if (t.record_impulses) coupling_impulses(t, batch, x);  // before the roots' axes turn
   turn_root_twists(t, x, x.next.v);
 }

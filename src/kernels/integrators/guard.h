@@ -128,4 +128,11 @@ void judge(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   x.guard.coarse = is_coarse(t, x, x.guard.eta);
 }
 
+/// Lanes that keep the leapfrog that has been judged, and are not only stepped beside others.
+template <class T>
+typename T::Mask keeping_lanes(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  if (!t.guarded) return ~T::none();
+  return t.half ? x.guard.halved & ~x.guard.coarse : x.guard.halved;
+}
+
 }  // namespace lockstep::kernels

@@ -7,6 +7,7 @@
 
 #include "close_loops.h"
 #include "guard.h"
+#include "kernels/contacts/wrenches.h"
 #include "kernels/couplings/functions.h"
 #include "kernels/dynamics/bias_forces.h"
 #include "kernels/dynamics/kinematics.h"
@@ -152,7 +153,8 @@ void take_half(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   if (half.half) copy_contacts(t, x, x.guard.remembered[depth + 1]);
   leapfrog(half, batch, x, 0);
   const auto coarse = x.guard.coarse & lanes;
-  if (t.record_efforts) add_efforts(t, half.half ? lanes & ~coarse : lanes, ScalarOf<T>(0.5) / (1 << depth), x);
+  if (t.record_efforts) add_efforts(t, keeping_lanes(half, x), ScalarOf<T>(0.5) / (1 << depth), x);
+  if (t.record_accelerations) add_contact_impulses(t, keeping_lanes(half, x), x);
   if (!half.half)
     x.too_fast = x.too_fast | (~less(x.guard.eta, T(t.too_fast_above)) & coarse);
   else if (any(coarse))
@@ -204,12 +206,19 @@ void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   copy_state(t, x.state, x.stages.begin);
   x.contacts.work = T(0);
   if (t.guarded) copy_contacts(t, x, x.guard.remembered[0]);
+  x.guard.halved = ~T::none();
+  if (t.loops.used()) clear_loop_forces(t, x);
   leapfrog(t, batch, x, 0);
   if (t.record_efforts) {
     for (int j = 0; j < t.joints; ++j) x.records.effort[j] = T(0);
-    add_efforts(t, t.guarded ? ~x.guard.coarse : ~T::none(), ScalarOf<T>(1), x);
+    add_efforts(t, keeping_lanes(t, x), ScalarOf<T>(1), x);
+  }
+  if (t.record_accelerations) {
+    clear_contact_impulses(t, x);
+    add_contact_impulses(t, keeping_lanes(t, x), x);
   }
   if (t.guarded || t.rounds.used()) step_again_if(t, batch, x);
+  if (t.loops.used()) end_loop_forces(t, t.step, x);
   copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it
 }
 

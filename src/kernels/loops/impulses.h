@@ -34,17 +34,24 @@ void subtract_loops(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
   }
 }
 
-/// Forces over a step: what Quantity::loop_force shows.
+/// What Quantity::loop_force shows: the impulses of all solves of a step, then their mean force over it.
 template <class T>
-void loop_forces(const Tables<ScalarOf<T>>& t, ScalarOf<T> duration, Tile<T>& x) {
-  const T share = T(ScalarOf<T>(1) / duration);
+void clear_loop_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int k = 0; k < 6 * t.loops.loops.count; ++k) x.loops.force[k] = T(0);
+}
+template <class T>
+void add_loop_impulses(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
   for (int l = 0; l < t.loops.loops.count; ++l) {
     const LoopImpulse<T> own = impulse_of_loop(t, x, l);
     for (int k = 0; k < 3; ++k) {
-      x.loops.force[6 * l + k] = own.linear[k] * share;
-      x.loops.force[6 * l + 3 + k] = own.angular[k] * share;
+      x.loops.force[6 * l + k] += select(lanes, own.linear[k], T(0));
+      x.loops.force[6 * l + 3 + k] += select(lanes, own.angular[k], T(0));
     }
   }
+}
+template <class T>
+void end_loop_forces(const Tables<ScalarOf<T>>& t, ScalarOf<T> duration, Tile<T>& x) {
+  for (int k = 0; k < 6 * t.loops.loops.count; ++k) x.loops.force[k] *= T(ScalarOf<T>(1) / duration);
 }
 
 }  // namespace lockstep::kernels

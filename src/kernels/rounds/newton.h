@@ -313,7 +313,7 @@ void begin_newton(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
     x.held.momentum[k] += x.rounds.momentum[k];
     x.held.mask[k] = T::none();
   }
-  guess(t, batch, 1, open, T::none(), x);
+  guess(t, batch, 1, open, open, T::none(), x);
   for (int r = 0; r < t.bounds.single; ++r)
     x.held.light[r] = T(1) / x.held.matrix[t.rounds.columns.offset[t.rounds.velocity[r]]];
   for (int k = 0; k < n; ++k) x.held.momentum[k] = x.rounds.kept[k];

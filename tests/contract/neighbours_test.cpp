@@ -1,0 +1,134 @@
+// An environment moves, and is read, to the last bit as it does among copies of itself, whatever its neighbours do.
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <cstring>
+#include <random>
+
+#include "contact_scenes.h"
+#include "lockstep/error.h"
+#include "physics.h"
+#include "scenes/any_model.h"
+
+namespace lockstep {
+namespace {
+
+constexpr int environments = 8, copies = 16;  // as many as a tile has at most
+
+template <class A>
+bool same(const A& mixed, const A& alone) {
+  for (int e = 0; e < environments; ++e)
+    for (Eigen::Index row = 0; row < mixed.rows(); ++row) {
+      const auto a = mixed(row, e), b = alone(row, e * copies);
+      if (std::memcmp(&a, &b, sizeof a) != 0) return false;
+    }
+  return true;
+}
+
+// Whatever a plan can be asked for. The counts of solves are those of tiles in part.
+template <class S>
+std::vector<Quantity> readable(const Batch<S>& batch) {
+  std::vector<Quantity> quantities;
+  for (int q = 0; q < static_cast<int>(Quantity::height_scan); ++q) {
+    const auto quantity = static_cast<Quantity>(q);
+    if (quantity == Quantity::solve_counts) continue;
+    try {
+      contact_scenes::read(batch, quantity);
+      quantities.push_back(quantity);
+    } catch (const Error&) {  // what the plan does not record
+    }
+  }
+  return quantities;
+}
+
+// One batch has all environments beside each other, the other has each in tiles of its own.
+template <class S>
+void expect_no_neighbour_matters(const Plan& plan, Engine engine, int steps, unsigned seed) {
+  const BatchOptions options{.threads = 1, .engine = engine, .seed = seed};
+  Batch<S> mixed(plan, environments, options), alone(plan, environments * copies, options);
+  mixed.reset_random(EnvironmentSet::all(), {.spread = 0.5, .speed = 0.7});
+  std::vector<int> into, from;
+  for (int i = 0; i < environments * copies; ++i) into.push_back(i), from.push_back(i / copies);
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> effort(-2.0, 2.0);
+  const std::vector<Quantity> quantities = readable(mixed);
+  for (int step = 0; step < steps; ++step) {
+    SCOPED_TRACE(fmt::format("step {} of {}", step, to_string(engine)));
+    mixed.efforts() = mixed.efforts().unaryExpr([&](S) { return static_cast<S>(effort(random)); });
+    alone.restore(mixed.save(), into, from);
+    mixed.step(), alone.step();
+    ASSERT_TRUE(same(mixed.positions(), alone.positions()));
+    ASSERT_TRUE(same(mixed.velocities(), alone.velocities()));
+    ASSERT_TRUE(same(mixed.root_poses(), alone.root_poses()));
+    ASSERT_TRUE(same(mixed.root_velocities(), alone.root_velocities()));
+    for (int e = 0; e < environments; ++e)
+      ASSERT_EQ(mixed.faults()[static_cast<std::size_t>(e)], alone.faults()[static_cast<std::size_t>(e * copies)]);
+    for (const Quantity quantity : quantities)
+      ASSERT_TRUE(same(contact_scenes::read(mixed, quantity), contact_scenes::read(alone, quantity)))
+          << to_string(quantity);
+  }
+}
+
+// Two links that a slider closes to a loop, with a ball at its corner above the ground.
+Model crank(double friction, double restitution) {
+  using contact_scenes::at;
+  const Inertia rod = Inertia::box(0.5, {0.3, 0.05, 0.05}, {0.15, 0.0, 0.0});
+  Model model;
+  model.links = {{"base", {}}, {"a", rod}, {"b", rod}, {"c", rod}};
+  model.roots = {{.link = "base", .pose = at({0.0, 0.0, 0.02})}};
+  const auto add = [&](const char* name, JointKind kind, const char* parent, const char* child, double x) {
+    Joint joint;
+    joint.name = name, joint.kind = kind, joint.parent = parent, joint.child = child, joint.origin = at({x, 0.0, 0.0});
+    joint.axis = kind == JointKind::prismatic ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitY();
+    model.joints.push_back(joint);
+  };
+  add("first", JointKind::revolute, "base", "a", 0.0), add("second", JointKind::revolute, "a", "b", 0.3);
+  add("slide", JointKind::prismatic, "base", "c", 0.5);
+  model.joints[0].position = -0.3, model.joints[0].friction = friction;
+  Loop pin;
+  pin.name = "pin", pin.first = "c", pin.second = "b", pin.second_pose = at({0.3, 0.0, 0.0});
+  model.loops = {pin};
+  model.colliders = {{.name = "ground", .shape = Shape::half_space(), .restitution = restitution},
+                     {.name = "ball", .link = "b", .shape = Shape::sphere(0.1)}};
+  model.contacts = {{"ground", "ball"}};
+  return model;
+}
+
+// A contact solves some lanes twice. The others keep which joints stick, and their loop closes without these.
+TEST(Neighbours, change_no_bit_of_a_loop_beside_a_contact) {
+  for (const double friction : {0.2, 1.0})
+    for (const double restitution : {0.0, 0.5})
+      for (const Integrator integrator : {Integrator::leapfrog, Integrator::euler}) {
+        SCOPED_TRACE(fmt::format("{} {} {}", friction, restitution, to_string(integrator)));
+        const Plan plan = compile(
+            crank(friction, restitution),
+            {.integrator = integrator, .record_efforts = true, .record_contacts = true, .record_accelerations = true});
+        for (const Engine engine : physics::engines(plan)) {
+          expect_no_neighbour_matters<float>(plan, engine, 60, 1);
+          expect_no_neighbour_matters<double>(plan, engine, 60, 2);
+        }
+      }
+}
+
+TEST(Neighbours, change_no_bit_of_random_models_of_every_feature) {
+  int moved = 0;
+  for (std::uint64_t seed = 0; seed < 400; ++seed) {
+    SCOPED_TRACE(seed);
+    const std::vector<std::uint8_t> bytes = scenes::bytes_of(seed);
+    scenes::AnyModel any(bytes);
+    const Model model = any.model();
+    StepSettings settings = any.settings();
+    try {
+      const Plan plan = compile(model, settings);
+      const Engine engine = seed % 3 == 0 ? Engine::automatic : Engine::tables;
+      seed % 2 == 0 ? expect_no_neighbour_matters<float>(plan, engine, 12, static_cast<unsigned>(seed))
+                    : expect_no_neighbour_matters<double>(plan, engine, 12, static_cast<unsigned>(seed));
+      ++moved;
+    } catch (const Error&) {  // refused
+    }
+  }
+  EXPECT_GT(moved, 150);
+}
+
+}  // namespace
+}  // namespace lockstep
