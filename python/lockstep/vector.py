@@ -99,6 +99,8 @@ class VectorEnv(Base):  # type: ignore[misc]
     ) -> None:
         if action_kind not in ACTION_KINDS:
             raise ValueError(f"action_kind {action_kind!r} is none of {', '.join(ACTION_KINDS)}")
+        if isinstance(observe, str):
+            raise TypeError(f"observe is the string {observe!r}: give a list of queries, such as [{observe!r}]")
         if not callable(observe) and observe is not None and len(observe) == 0:
             raise ValueError("observe is empty: leave it out for q and qd")
         if unknown := set(actions or {}) - ACTION_OPTIONS:

@@ -69,8 +69,9 @@ void add_file(py::module_& module, const char* name, const char* help, FromFile 
   add<const std::filesystem::path&>(
       module, name, help,
       [read](const std::filesystem::path& path, const ImportOptions& options) {
-        if (!std::filesystem::exists(path)) {  // as open() does it
-          errno = ENOENT;
+        std::error_code failed;
+        if (!std::filesystem::exists(path, failed)) {  // as open() does it
+          errno = failed ? failed.value() : ENOENT;
           PyErr_SetFromErrnoWithFilename(PyExc_OSError, path.c_str());
           throw py::error_already_set();
         }

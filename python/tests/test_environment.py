@@ -187,7 +187,8 @@ def test_an_interval_may_be_longer_than_any_motion():
 
 
 @pytest.mark.parametrize("wrong, kind", [({"limit": float("nan")}, TypeError), ({"limit": 2.5}, TypeError),
-                                         ({"decimation": 2.5}, TypeError), ({"observe": []}, ValueError)])
+                                         ({"decimation": 2.5}, TypeError), ({"observe": []}, ValueError),
+                                         ({"observe": "q"}, TypeError)])
 def test_options_that_would_be_taken_for_others_are_refused(wrong, kind):
     with pytest.raises(kind):
         VectorEnv(plan, 3, **wrong)

@@ -15,10 +15,11 @@ LOCKSTEP_INLINE T state(typename T::Mask applies, float code) {
   return select(applies, T(code), T(0));
 }
 
-/// The impulse that a force limit bounds. The position phase of tgs has only the mean of the sub-steps, which is less.
+/// The impulse of a row that a force limit bounds; 0 where it is not active, as no solve has written one there. The
+/// position phase of tgs has only the mean of the sub-steps, which is less.
 template <class T>
 LOCKSTEP_INLINE T whole_impulse(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r) {
-  return x.bounds.impulse[t.renewed ? t.bounds.rows.count + r : r];
+  return select(x.bounds.active[r], x.bounds.impulse[t.renewed ? t.bounds.rows.count + r : r], T(0));
 }
 
 template <class T>
@@ -209,7 +210,7 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   for (int i = 0; i < x.bounds.active_count; ++i) {
     const int r = x.bounds.active_rows[i], m = b.member_start[r];
     if (b.kind[r] == BoundKind::servo) continue;  // among the drives
-    const T impulse = x.bounds.impulse[phase * b.rows.count + r];
+    const T impulse = select(x.bounds.active[r], x.bounds.impulse[phase * b.rows.count + r], T(0));
     if (b.kind[r] == BoundKind::coupling) {
       work = fma(impulse, moved(b.rows.coupling[r]), work);
       continue;

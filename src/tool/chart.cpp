@@ -183,9 +183,14 @@ void draw(const ChartOptions& options, const std::string& csv, const std::string
                who);
     return;
   }
+  std::error_code none;  // no such file: the least time there is
+  const auto before = std::filesystem::last_write_time(out, none);
   const ProcessResult result = run_python(*python, chart_script, {csv, out, caption});
   if (result.status != 0)
     throw InputError(fmt::format("{}: {} could not draw it: {}", out, *python, last_line(result.errors)));
+  if (std::filesystem::last_write_time(out, none) == before)
+    throw InputError(
+        fmt::format("{}: {} has drawn nothing; name a Python 3 with matplotlib by --python", out, *python));
   fmt::print("picture  {}\n", out);
 }
 
@@ -242,9 +247,11 @@ void run(const ChartOptions& options) {
   const std::string csv = name_of_rank(
       "--csv", options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv,
       options.rank);
+  std::error_code ignored;
   keep_apart({options.model.file, options.state, options.table}, {out, csv});
   require_writable(csv), require_writable(out);  // a bad name should not cost the measurement
-  if (!std::filesystem::path(out).has_extension() || std::filesystem::is_fifo(out))
+  const std::string extension = std::filesystem::path(out).extension().string();
+  if ((extension != ".svg" && extension != ".png" && extension != ".pdf") || std::filesystem::is_fifo(out, ignored))
     throw InputError(fmt::format("{}: is no picture; give the name of a file that ends with .svg, .png or .pdf", out));
   if (options.seconds > longest_motion)
     throw InputError(

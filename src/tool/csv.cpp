@@ -82,6 +82,8 @@ Table read_csv(const std::string& path) {
 Table parse_csv(const std::string& text, const std::string& file) {
   Table table;
   table.file = file;
+  if (text.find('\0') != std::string::npos)
+    throw InputError(file + ": holds zero bytes, as UTF-16 has them; save it as UTF-8");
   std::istringstream stream(text.starts_with("\xEF\xBB\xBF") ? text.substr(3) : text);  // a byte order mark
   std::string line;
   for (int number = 1; std::getline(stream, line); ++number) {

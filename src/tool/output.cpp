@@ -44,7 +44,8 @@ void require_writable(const std::string& path) {
   if (folder.empty()) folder = ".";
   const bool exists = access(path.c_str(), F_OK) == 0;
   const bool writable = exists ? access(path.c_str(), W_OK) == 0 : access(folder.c_str(), W_OK | X_OK) == 0;
-  if (writable && !std::filesystem::is_directory(path)) return;
+  std::error_code ignored;
+  if (writable && !std::filesystem::is_directory(path, ignored)) return;
   throw InputError(
       fmt::format("{}: cannot be written: {}", path, writable ? std::strerror(EISDIR) : std::strerror(errno)));
 }

@@ -56,6 +56,42 @@ TEST(LoopForce, is_at_most_its_limit) {
   EXPECT_LT(held.row_residuals()(0, 0), 1e-12);
 }
 
+// A lever that is pushed harder than its loop holds: from the truth by small steps, and back when it is let go.
+TEST(LoopForce, lets_a_leapfrog_slip_beyond_its_limit_and_come_back_within_it) {
+  Model model = on_ground("lever");
+  model.gravity.setZero();
+  model.links.push_back({"arm", Inertia::box(0.5, {0.3, 0.05, 0.05}, {0.15, 0.0, 0.0})});
+  Joint joint;
+  joint.name = "turn", joint.kind = JointKind::continuous, joint.parent = model.links[0].name, joint.child = "arm",
+  joint.axis = Vector3d::UnitY();
+  joint.damping = 0.2;
+  model.joints = {joint};
+  Loop pin;
+  pin.name = "pin", pin.first = model.links[0].name, pin.second = "arm", pin.force_limit = 10.0;
+  pin.first_pose = pin.second_pose = loop_models::at(Vector3d(0.3, 0.0, 0.0));
+  model.loops = {pin};
+  const auto pushed = [&](Integrator integrator, double dt, double effort) {
+    StepSettings s = settings(integrator);
+    s.dt = dt;
+    Batch<double> batch(compile(model, s), 1, {.threads = 1});
+    batch.efforts().setConstant(effort);
+    batch.step(static_cast<int>(std::lround(0.05 / dt)));
+    return batch;
+  };
+  const double truth = pushed(Integrator::euler, 1e-5, 6.0).positions()(0, 0);
+  EXPECT_GT(truth, 0.1);
+  Batch<double> batch = pushed(Integrator::leapfrog, 1.0 / 240.0, 6.0);
+  EXPECT_NEAR(batch.positions()(0, 0), truth, 0.02 * truth);
+  EXPECT_NEAR(force_of(batch).topRows(3).abs().maxCoeff(), 10.0, 1e-6);
+  batch.efforts().setZero();
+  for (int i = 0; i < 240; ++i) {
+    batch.step(1);
+    EXPECT_LE(force_of(batch).topRows(3).abs().maxCoeff(), 10.0 * (1.0 + 1e-9));
+  }
+  EXPECT_LT(batch.loop_errors().abs().maxCoeff(), 1e-6);
+  EXPECT_LT(pushed(Integrator::leapfrog, 1.0 / 240.0, 2.0).positions()(0, 0), 1e-9);  // within its limit it holds
+}
+
 // The frame stays where it is, and the rest of the weight's moment turns the body about it.
 TEST(LoopForce, has_a_torque_of_at_most_its_limit) {
   constexpr double limit = 0.5, dt = 1.0 / 240;

@@ -70,7 +70,7 @@ string grid_of(int rows, int columns, const std::vector<float>& numbers) {
   string content(8 + 4 * numbers.size(), '\0');
   const int counts[] = {rows, columns};
   std::memcpy(content.data(), counts, 8);
-  std::memcpy(content.data() + 8, numbers.data(), 4 * numbers.size());
+  if (!numbers.empty()) std::memcpy(content.data() + 8, numbers.data(), 4 * numbers.size());
   return content;
 }
 

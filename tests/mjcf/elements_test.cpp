@@ -80,6 +80,33 @@ TEST(MjcfCouplings, may_have_many_joints) {
 }
 
 // The first pose of a weld is that of the mocap body, whatever its relpose, and a keyframe moves it alone.
+// What is fused with the world has no mass that settotalmass would scale: 2 kg in MuJoCo 3.3.8.
+TEST(MjcfMasses, of_fused_bodies_are_not_scaled) {
+  const auto mass = [](const std::string& fused) {
+    const Import import = import_mjcf("<mujoco><compiler settotalmass='2' fusestatic='" + fused +
+                                      "'/><worldbody><body><geom size='0.3'/></body><body name='moves'><joint/>"
+                                      "<geom size='0.1'/></body></worldbody></mujoco>");
+    return link(import.model, "moves").inertia.mass;
+  };
+  EXPECT_NEAR(mass("true"), 2.0, 1e-12);
+  EXPECT_NEAR(mass("false"), 2.0 / 28.0, 1e-12);
+}
+
+// MuJoCo 3.3.8: the damper of a pair without springs, and the spring without dampers.
+TEST(MjcfSprings, by_time_constants_obey_the_flags) {
+  const auto hinge = [](const std::string& flag) {
+    return joint(import_mjcf("<mujoco><option><flag " + flag +
+                             "='disable'/></option><worldbody><body><joint name='j' springdamper='0.5 1'/>"
+                             "<geom size='0.1' pos='1 0 0'/></body></worldbody></mujoco>")
+                     .model,
+                 "j");
+  };
+  EXPECT_EQ(hinge("spring").stiffness, 0.0);
+  EXPECT_GT(hinge("spring").damping, 0.0);
+  EXPECT_EQ(hinge("damper").damping, 0.0);
+  EXPECT_GT(hinge("damper").stiffness, 0.0);
+}
+
 TEST(MjcfMocap, is_the_first_pose_of_its_loops) {
   const string text =
       world(body("<freejoint/>", "hand") + "<body name='m' mocap='true' pos='1 2 3' quat='0.6 0 0.8 0'/>",

@@ -267,6 +267,15 @@ TEST(MjcfRefusal, is_of_tendons_that_wrap_around_geoms) {
                  "1: <pulley>", "divisor is not above 0");
 }
 
+TEST(MjcfRefusal, is_of_elements_in_others_that_have_no_use_for_them) {
+  const string rule = "stands where MJCF has none";
+  expect_refused(world(pair, "<flag gravity='disable'/>"), "1: <flag>", rule);
+  expect_refused(world(pair, "<actuator><fixed name='t'/></actuator>"), "1: <fixed>", rule);
+  expect_refused(world(pair, "<tendon><motor joint='x'/></tendon>"), "1: <motor>", rule);
+  expect_refused(world(pair + "<light><geom size='1'/></light>"), "2: <geom>", rule);
+  expect_refused(world(body("<joint/><camera><body/></camera>")), "2: <body>", rule);
+}
+
 // MuJoCo 3.3.8 has each of these.
 TEST(MjcfRefusal, is_of_branches_of_tendons_that_join_no_two_sites) {
   const auto path = [](const string& inside) {

@@ -31,6 +31,16 @@ TEST_F(Chart, writes_a_table_without_a_python) {
             "env_steps_per_second,faulted");
 }
 
+TEST_F(Chart, is_no_picture_where_a_python_draws_nothing) {
+  if (!std::filesystem::exists("/bin/true")) GTEST_SKIP() << "there is no /bin/true";
+  for (const char* old : {"", "an older picture"}) {
+    if (*old) write("a 'chart'.svg", old);
+    const Ran ran = chart({"--out", picture(), "--python", "/bin/true"});
+    EXPECT_EQ(ran.status, 2);
+    EXPECT_NE(ran.err.find("/bin/true has drawn nothing"), std::string::npos) << ran.err;
+  }
+}
+
 // Semi-implicit Euler is of first order on a smooth scene.
 TEST_F(Chart, shows_first_order_and_couplings_at_rounding_for_reduced) {
   ASSERT_EQ(chart({"--out", picture(), "--python", "/no/such/python"}).status, 0);

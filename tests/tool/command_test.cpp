@@ -47,6 +47,9 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
   const std::string one = write("one.csv", "shoulder\n1\n");
   const std::string backwards = write("backwards.csv", "time,wrist\n1,0\n0.5,0\n");
   const std::string no_time = write("timeless.csv", "wrist\n1\n");
+  const std::string utf16 = write("utf16.csv", std::string("s\0h\0\n\0"
+                                                           "0\0\n\0",
+                                                           10));
   const std::string times_alone = write("alone.csv", "time\n0\n");
   const std::string undriven = write("undriven.csv", "time,wrist\n0,1\n");
   const std::string no_urdf = write("text.urdf", "hello");
@@ -111,6 +114,9 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
       {{"simulate", model, "--state", one, "--record", one}, "would be overwritten"},
       {{"simulate", model, "--record", path("same"), "--json", path("same")}, "would be overwritten"},
       {{"chart", model, "--out", path("same.csv")}, "would be overwritten"},
+      {{"chart", model, "--out", path("moving.gif")}, "is no picture"},
+      {{"simulate", model, "--record", std::string(300, 'x')}, "cannot be written"},
+      {{"simulate", model, "--state", utf16}, "holds zero bytes"},
       {{"chart", model, "--state", one, "--out", path("one.svg")}, "would be overwritten"},
       {{"simulate", model, "--drive", "wrist=1,1", "--drive", "wrist=2,1"}, "--drive: is given twice for 'wrist'"},
       {{"simulate", model, "--damping", "1", "--damping", "2"}, "--damping: is given twice for all"},

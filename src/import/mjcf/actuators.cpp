@@ -183,6 +183,9 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
   actuator.delay = element.number("delay", 0.0);
   if (actuator.delay < 0.0) element.fail("has a negative delay", "give 0 or more");
   actuator.samples = element.number("nsample", infinity);
+  if (limited_range(element, "actrange", "actlimited", scene.settings.of(element).autolimits) &&
+      numbers.dynamics != Dynamics::none)
+    element.report().warn("ranges of the activation of actuators, left out", element.title());
   actuator.gain = numbers.gain[0];
   if (numbers.bias_type == Bias::none && element.has("biasprm") && !element.has("biastype"))
     element.report().warn("biasprm of actuators without a biastype, without effect", element.title());

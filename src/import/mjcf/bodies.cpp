@@ -159,7 +159,8 @@ class Reader {
     body.place = element.place();
     body.parent = static_cast<int>(around.body);
     body.part = document_.part_of(xml);
-    body.pose = around.frame * read_pose(element, settings_.of(body.part));
+    const Eigen::Isometry3d own = read_pose(element, settings_.of(body.part));
+    body.pose = around.frame * own, body.position = own.translation();
     body.is_mocap = element.truth("mocap", false);
     const double compensated = element.number("gravcomp", 0.0);
     if (settings_.has_springs || settings_.has_damping) body.gravity = 1.0 - compensated;
@@ -168,10 +169,10 @@ class Reader {
     read_children(
         element,
         {.body = index, .childclass = classes_.childclass(element, around.childclass), .suffix = around.suffix});
-    Body& own = bodies_[index];
-    if (own.is_mocap && (own.parent != 0 || !own.joints.empty()))
+    const Body& read = bodies_[index];
+    if (read.is_mocap && (read.parent != 0 || !read.joints.empty()))
       element.fail("is a mocap body with joints, or not a child of worldbody", "remove mocap, or the joints");
-    if (settings_.of(own.part).inertia_from_geoms == FromGeoms::never && !own.has_inertial && !own.joints.empty())
+    if (settings_.of(read.part).inertia_from_geoms == FromGeoms::never && !read.has_inertial && !read.joints.empty())
       element.fail("has no <inertial>, which inertiafromgeom=\"false\" asks for", "add one");
   }
 
@@ -202,7 +203,7 @@ class Reader {
     if (!replicate.has("count") || count < 0) replicate.fail("has no count of 0 or more", "write count=\"...\"");
     for (const char* other : {"pos", "quat", "axisangle", "xyaxes", "zaxis"})
       if (replicate.has(other))
-        replicate.fail(fmt::format("has {}, which a <replicate> does not take", other), "write offset and euler");
+        document_.report().warn("places of replicates but offset and euler, without effect", replicate.place());
     const std::string separator = replicate.name("sep", "");
     const std::size_t digits = std::to_string(count).size();
     const Eigen::Vector3d offset = replicate.triple("offset", Eigen::Vector3d::Zero()),

@@ -58,6 +58,7 @@ struct Body {
   int parent = -1;                                             ///< -1: the world is body 0
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();      ///< in the parent's frame, where joints are at `ref`
   Eigen::Isometry3d in_world = Eigen::Isometry3d::Identity();  ///< likewise
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();          ///< as the element has it, without frames around it
   bool is_mocap = false;
   double gravity = 1.0;                ///< 1 - gravcomp, which MuJoCo takes for a passive force
   std::vector<JointPart> joints = {};  ///< the outermost first

@@ -100,8 +100,8 @@ void weigh(Bodies& bodies, const std::vector<bool>& is_read, const Settings& set
     const Settings& own = settings.of(bodies.all[i].part);
     report.attempt([&] { add_geoms(bodies.all[i], matters && !leaves_out_meshes, own, meshes, report); });
     Inertia& inertia = bodies.all[i].inertia;
-    if (!(inertia.mass > 0.0) && own.least_mass > 0.0)  // MuJoCo puts it there, in the body's own frame
-      inertia.center = bodies.all[i].pose.translation();
+    if (!(inertia.mass > 0.0) && own.least_mass > 0.0 && !bodies.all[i].has_inertial)
+      inertia.center = bodies.all[i].position;  // MuJoCo puts it there, in the body's own frame
     inertia.mass = std::max(inertia.mass, own.least_mass);
     if (own.least_inertia > 0.0)
       change_moments(inertia.about_center,
@@ -110,7 +110,7 @@ void weigh(Bodies& bodies, const std::vector<bool>& is_read, const Settings& set
       change_moments(inertia.about_center, [](const Vector3d& moments) -> Vector3d {
         return moments[0] + moments[1] < moments[2] ? Vector3d::Constant(moments.mean()) : moments;
       });
-    total += inertia.mass;
+    if (bodies.moves[i] || !settings.fuses_static) total += inertia.mass;
     if (settings.total_mass > 0.0 && !bodies.all[i].mesh_masses.empty())
       throw ImportError(bodies.all[i].mesh_masses.front(),
                         "would count for settotalmass by the volume of its mesh, which is left out on request",

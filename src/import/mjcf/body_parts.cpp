@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "limited.h"
 #include "pose.h"
@@ -46,9 +47,9 @@ void read_passive(const Element& element, const Settings& settings, JointPart& p
   if (settings.has_friction) part.friction = element.number("frictionloss", 0.0);
   double pair[] = {0.0, 0.0};
   element.numbers("springdamper", pair, 2, 2);
-  if (settings.has_springs && pair[0] > 0.0 && pair[1] > 0.0)
+  if (pair[0] > 0.0 && pair[1] > 0.0)
     part.time_constant = pair[0], part.damping_ratio = pair[1];
-  else if (settings.has_springs && (pair[0] != 0.0 || pair[1] != 0.0))
+  else if (pair[0] != 0.0 || pair[1] != 0.0)
     element.report().warn("springdampers of numbers that are not above 0, without effect", element.title());
 }
 
@@ -118,6 +119,8 @@ JointPart read_joint_part(Element element, const Eigen::Isometry3d& frame, const
   }
   if (part.type == JointType::free) {
     read_passive(element, settings, part);
+    if (std::exchange(part.time_constant, 0.0) > 0.0)
+      element.report().warn("springdampers of free joints, left out", element.title());
     if ((part.stiffness != 0.0 || part.damping != 0.0 || part.armature != 0.0 || part.friction != 0.0))
       element.report().warn("springs, damping, armature and friction of free joints, left out",
                             fmt::format("{}: {:g} {:g} {:g} {:g}", element.title(), part.stiffness, part.damping,

@@ -165,11 +165,18 @@ void Document::account(const Xml& element) {
   const std::string_view tag = element.Name();
   if (tag == "include") return;
   // Of what is attached, only a body may be taken.
-  if (!visited_.contains(&element) && is_of_mechanism(tag) && part_of(element) == 0)
-    fail(line(element) + ": <" + std::string(tag) + ">", "stands where MJCF has none, so that nobody reads it",
-         "move it to where it belongs");
-  if (!visited_.contains(&element))
+  const auto refuse_misplaced = [&](const Xml& misplaced) {
+    if (is_of_mechanism(misplaced.Name()) && part_of(misplaced) == 0)
+      fail(line(misplaced) + ": <" + misplaced.Name() + ">", "stands where MJCF has none, so that nobody reads it",
+           "move it to where it belongs");
+  };
+  if (!visited_.contains(&element)) {
+    refuse_misplaced(element);
+    if (tag == "light" || tag == "camera" || tag == "material")
+      for (auto* child = element.FirstChildElement(); child; child = child->NextSiblingElement())
+        refuse_misplaced(*child);
     return is_known(tag) ? report_.not_used(std::string(tag)) : report_.unknown(shortened(tag));
+  }
   for (auto* attribute = element.FirstAttribute(); attribute; attribute = attribute->Next()) {
     const std::string_view name = attribute->Name();
     if (read_.contains(attribute) || is_for_names(name)) continue;

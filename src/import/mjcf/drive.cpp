@@ -179,10 +179,10 @@ class Driver {
           "servos, with velocity targets by the file's controls u"})
       report().show_all(line);
     if (actuator.integrates) report().warn("dynamics of actuators, left out", "integrator of " + actuator.name);
-    double limit = std::abs(gear) * force_limit(actuator, is_motor);
-    if (actuator.tendon >= 0)
-      limit =
-          std::min(limit, std::abs(factor) * scene_.tendons[static_cast<std::size_t>(actuator.tendon)].effort_limit);
+    double limit = force_limit(actuator, is_motor);
+    if (actuator.tendon >= 0)  // of the forces before the gears
+      limit = std::min(limit, scene_.tendons[static_cast<std::size_t>(actuator.tendon)].effort_limit);
+    limit *= std::abs(gear);
     sum.limit += limit;
     sum.limited += limit < infinity;
   }

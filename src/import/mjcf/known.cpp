@@ -53,8 +53,10 @@ static_assert(std::is_sorted(std::begin(known), std::end(known)));
 bool is_known(std::string_view name) { return std::binary_search(std::begin(known), std::end(known), name); }
 
 bool is_of_mechanism(std::string_view element) {
-  for (const std::string_view tag : {"attach", "body", "compiler", "frame", "freejoint", "geom", "inertial", "joint",
-                                     "option", "replicate", "site", "worldbody"})
+  for (const std::string_view tag :
+       {"attach",    "body", "compiler", "connect",  "fixed", "flag",     "frame",  "freejoint",
+        "general",   "geom", "inertial", "joint",    "key",   "motor",    "option", "position",
+        "replicate", "site", "spatial",  "velocity", "weld",  "worldbody"})
     if (element == tag) return true;
   return false;
 }

@@ -162,7 +162,7 @@ PlacedShape Meshes::around_mesh(const GeomPart& geom) {
   if (!(scale > 0.0)) geom.element.fail("has a fitscale that is not above 0", "give a factor such as 1");
   PlacedShape placed{{}, geom.pose * box.pose};
   Vector3d sizes = sizes_of_box(geom.type, box.half_edges);
-  if (settings_.of(geom.element).fits_extents) {
+  if (settings_.fits_extents) {
     const Eigen::Matrix3Xd points = box.pose.inverse() * asset.solid->vertices();
     const Vector3d lowest = points.rowwise().minCoeff(), highest = points.rowwise().maxCoeff();
     placed.pose = placed.pose * Eigen::Translation3d(0.5 * (lowest + highest));

@@ -133,8 +133,8 @@ void resist_by_time_constants(const Scene& scene, Draft& draft) {
     Joint& joint = draft.model.joints[static_cast<std::size_t>(draft.model.joint_index(part.name))];
     if (!joint.moves()) continue;
     const double period = part.time_constant * part.damping_ratio;
-    joint.stiffness = own / (period * period);
-    joint.damping = 2.0 * own / part.time_constant;
+    joint.stiffness = scene.settings.has_springs ? own / (period * period) : 0.0;
+    joint.damping = scene.settings.has_damping ? 2.0 * own / part.time_constant : 0.0;
     scene.report().remark("springs by springdamper, at the inertia of the drawn pose",
                           fmt::format("{} {:.6g}, damping {:.6g}", joint.name, joint.stiffness, joint.damping));
   }

@@ -54,6 +54,7 @@ void read_compiler(const Element& compiler, Settings& settings) {
   settings.balances = compiler.truth("balanceinertia", false);
   settings.total_mass = compiler.number("settotalmass", -1.0);
   settings.strips_paths = compiler.truth("strippath", false);
+  settings.fuses_static = compiler.truth("fusestatic", false);
   settings.fits_extents = compiler.truth("fitaabb", false);
   if (compiler.truth("exactmeshinertia", false)) settings.mesh_rule = MeshRule::exact;  // up to MuJoCo 3.2
   settings.aligns_free = compiler.truth("alignfree", false);

@@ -35,6 +35,7 @@ struct Settings {
   std::string mesh_folder = {};  ///< below the main file's, or absolute
   bool strips_paths = false;     ///< of the names of mesh files
   MeshRule mesh_rule = MeshRule::legacy;
+  bool fuses_static = false;  ///< bodies that stand still have no mass of their own
   bool fits_extents = false;  ///< primitives around meshes: by the extents of these in place of their moments
   bool aligns_free = false;   ///< free joints that do not say so themselves move principal axes
 

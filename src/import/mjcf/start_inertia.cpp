@@ -83,6 +83,21 @@ Eigen::SparseMatrix<double> mass_matrix(const Scene& scene, const Directions& di
   return matrix;
 }
 
+// MuJoCo's matrix has no places for directions of different branches.
+void add_tendons(const Scene& scene, const Directions& directions, Eigen::MatrixXd& matrix) {
+  const auto is_above = [&](int body, int other) {
+    while (other > body) other = scene.bodies.all[static_cast<std::size_t>(other)].parent;
+    return other == body;
+  };
+  const auto body_of = [&](int joint) { return scene.joints[static_cast<std::size_t>(joint)].body; };
+  for (const Tendon& tendon : scene.tendons)
+    for (const auto& [one, factor] : tendon.length.terms)
+      for (const auto& [other, another] : tendon.length.terms)
+        if (tendon.armature > 0.0 && (is_above(body_of(one), body_of(other)) || is_above(body_of(other), body_of(one))))
+          matrix(directions.of_joint[static_cast<std::size_t>(one)],
+                 directions.of_joint[static_cast<std::size_t>(other)]) += tendon.armature * factor * another;
+}
+
 std::vector<double> by_joint(const Directions& directions, const Eigen::VectorXd& values) {
   std::vector<double> result;
   for (const int direction : directions.of_joint)
@@ -102,7 +117,8 @@ std::vector<double> locked_inertia(const Scene& scene) {
 
 std::vector<double> free_inertia(const Scene& scene) {
   const Directions motion = directions(scene);
-  const Eigen::MatrixXd matrix(mass_matrix(scene, motion));
+  Eigen::MatrixXd matrix(mass_matrix(scene, motion));
+  add_tendons(scene, motion, matrix);
   const Eigen::MatrixXd inverse = matrix.ldlt().solve(Eigen::MatrixXd::Identity(matrix.rows(), matrix.cols()));
   return by_joint(motion, inverse.diagonal().cwiseInverse());
 }

@@ -88,7 +88,17 @@ class Finder {
       scene_.report().warn("armature of spatial tendons, left out",
                            fmt::format("{:g} of {}", tendon.armature, joint.name));
     scene_.report().remark("tendons as joints of their own, whose position is the tendon's length", joint.name);
-    const double rest = length_of(draft_.model, trees, at_rest(trees), joint);
+    Joint drawn = joint;
+    for (std::size_t s = 0; s < tendon.strands.size(); ++s) {
+      const auto place = [&](const std::string& site, Eigen::Vector3d& point) {
+        const End& end = *ends_.find_site(site);
+        if (scene_.bodies.all[end.body].is_mocap)
+          point = (scene_.bodies.all[end.body].in_world * end.frame).translation();
+      };
+      place(tendon.strands[s].first, drawn.path[s].first_point);
+      place(tendon.strands[s].second, drawn.path[s].second_point);
+    }
+    const double rest = length_of(draft_.model, trees, at_rest(trees), drawn);
     draft_.model.joints.push_back(joint);
     return Transmission{joint.name, 1.0, 0.0, rest};
   }

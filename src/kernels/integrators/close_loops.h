@@ -24,6 +24,20 @@ LOCKSTEP_INLINE void second_half_velocities(const Tables<ScalarOf<T>>& t, Tile<T
   for (int i = 0; i < t.balls.count; ++i) set(t.balls[i].velocity, 3);
 }
 
+/// Lanes in which a row of a loop is at its force limit, or the loop is open as it is after that: nothing but the force
+/// closes it.
+template <class T>
+typename T::Mask has_slipped(const Tables<ScalarOf<T>>& t, const HeldLoop<ScalarOf<T>>& loop, int i, const Tile<T>& x) {
+  using S = ScalarOf<T>;
+  if (!has_limit(loop)) return T::none();
+  const int r = loop.row + i;
+  const S limit = i < loop.translations ? loop.force : loop.torque;
+  const T most = T(limit * S(1 - 1e-5)), *const impulse = x.loops.impulse;
+  auto slips = ~less(absolute(impulse[r]), most);
+  if (t.solve_twice) slips = slips | ~less(absolute(impulse[t.loops.rows + r]), most);
+  return slips | beyond(x.loops.gap[r], T(S(slipped)));
+}
+
 /// Changes x.stages.mean_velocity, which is about to move the positions of x.stages.begin. x.state.pose is where roots
 /// are at the midpoint, and stays.
 template <class T>
@@ -56,9 +70,13 @@ void close_loops(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   }
   for (int r = 0; r < t.bounds.single; ++r) x.held.mask[t.rounds.velocity[r]] = x.loops.stays[r];
   copy_matrix(t, x);
+  each_loop(solve, x, [&](const auto& loop, int, ActingRow<T>* rows) LOCKSTEP_INLINED {
+    for (int i = 0; i < loop.rows(); ++i) rows[i].yields = has_slipped(solve, loop, i, x);
+  });
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int*, const T* value) LOCKSTEP_INLINED {
     if (slot.bounded >= 0) return;
-    const T gain = T(1) / (larger(T(added_share<S>) * row.response, T(S(1e-30))) + row.cfm);
+    const T stiff = T(1) / (larger(T(added_share<S>) * row.response, T(S(1e-30))) + row.cfm);
+    const T gain = slot.loop >= 0 ? select(row.yields, zero, stiff) : stiff;
     const int* entry = t.rounds.term_entry.data + slot.entry;
     for (int k = 0; k < slot.last - slot.first; ++k) {
       const T share = gain * value[k];

@@ -11,15 +11,23 @@ namespace lockstep::kernels {
 
 constexpr double fastest_closing = 3.0;  ///< of a hard loop, m/s and rad/s
 constexpr double slow_closing = 0.1;     ///< what of that may stay in the velocities, m/s and rad/s
+constexpr double slipped = 2e-3;         ///< gap of a loop that has a force limit and did not hold, m and rad
 constexpr double moves_nothing = 1e-7;   ///< a row's own response, as a share of that of all directions
 
-/// The speed by which a row closes its loop, (M131).
+template <class S>
+bool has_limit(const HeldLoop<S>& loop) {
+  return loop.force < S(unlimited) || loop.torque < S(unlimited);
+}
+
+/// The speed by which a row closes its loop, (M131). At a midpoint, close_loops() moves the positions of loops that
+/// hold; one that has slipped comes back by no more than its force.
 template <class T>
 LOCKSTEP_INLINE T closing_speed(const Tables<ScalarOf<T>>& t, const HeldLoop<ScalarOf<T>>& loop, T gap) {
   using S = ScalarOf<T>;
   if (loop.soft) return T(loop.rate) * gap;
-  if (t.solves_midpoint) return T(0);  // close_loops() moves the positions
-  return clamp(T(loop.rate) * gap, T(S(-fastest_closing)), T(S(fastest_closing)));
+  if (t.solves_midpoint && !has_limit(loop)) return T(0);
+  const T speed = clamp(T(loop.rate) * gap, T(S(-fastest_closing)), T(S(fastest_closing)));
+  return t.solves_midpoint ? select(beyond(gap, T(S(slipped))), speed, T(0)) : speed;
 }
 
 /// Lanes in which the speed of a push must not stay.
