@@ -15,7 +15,7 @@ constexpr double slipped = 2e-3;         ///< gap of a loop that has a force lim
 constexpr double moves_nothing = 1e-7;   ///< a row's own response, as a share of that of all directions
 
 template <class S>
-bool has_limit(const HeldLoop<S>& loop) {
+LOCKSTEP_INLINE bool has_limit(const HeldLoop<S>& loop) {
   return loop.force < S(unlimited) || loop.torque < S(unlimited);
 }
 
