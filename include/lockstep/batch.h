@@ -412,7 +412,8 @@ class LOCKSTEP_API Batch {
   // These allocate their result.
   Array loop_errors() const;      ///< [2 x loops][environments] see Quantity::loop_error
   Array coupling_errors() const;  ///< [couplings][environments] C of (M2), rad or m
-  /// [couplings][environments] impulse of the last step, N m s or N s along the coupling's first joint.
+  /// [couplings][environments] impulse of the last step, N m s or N s along the coupling's first joint; 0 in
+  /// environments with a fault.
   /// Throws UsageError unless StepSettings::record_impulses.
   Array coupling_impulses() const;
   /// [dofs][environments] rad or m, and whole turns: position = angle + 2 pi turns. Revolute joints without a range
@@ -452,6 +453,7 @@ class LOCKSTEP_API Batch {
   Array reduced_site_jacobians(int site, const EnvironmentSet& which = EnvironmentSet::all()) const;
 
   // --- diagnostics of the last step: UsageError unless StepSettings::record_diagnostics ----------
+  // Rows of environments with a fault are 0.
   /// [Plan::row_names()][environments] what the step left of each row's condition (M64): the error, in rad or m, that
   /// it should have corrected and did not. 0 for rows that hold, that are inactive, or that slip at their bound.
   Array row_residuals() const;

@@ -77,11 +77,10 @@ void look_at_loop(const Tables<ScalarOf<T>>& t, Tile<T>& x, const Reported& repo
   each_loop(t, x, [&](const auto& loop, int l, const ActingRow<T>* rows) {
     if (l != reported.index) return;
     for (int i = 0; i < loop.rows(); ++i) {
-      const T impulse = x.loops.impulse[loop.row + i], force = T(i < loop.translations ? loop.force : loop.torque);
-      const auto on = less(rows[i].cfm, infinite_compliance<T>()),
-                 limited = ~less(absolute(impulse), force * T(ScalarOf<T>(1 - 1e-5)));
+      const T impulse = x.loops.impulse[loop.row + i];
+      const auto on = less(rows[i].cfm, infinite_compliance<T>()), limited = is_at_limit(loop, i, impulse);
       const T goal = fma(T(t.dt * ScalarOf<T>(0.5)), x.loops.bias[loop.row + i],
-                         closing_speed(t, loop, x.loops.gap[loop.row + i]));
+                         closing_speed(t, loop, i, x.loops.gap[loop.row + i]));
       const T speed = fma(rows[i].cfm, impulse, goal + loop_speed(t, x, loop, i, x.dynamics.solution));
       residual = larger(residual, select(on & ~limited, T(t.dt) * absolute(speed), T(0)));
       row_state = larger(row_state, select(on, select(limited, T(2), T(1)), T(0)));

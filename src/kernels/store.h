@@ -33,14 +33,17 @@ LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   if (t.contacts.used()) store_contacts(t, batch, x);
   if (t.records_calls()) store_records(t, batch, x);
   if (t.counts_solves()) store_counts(batch, x.counts);
+  // Of the last step. A frozen environment took none, and is in no solve that others took.
+  const auto store_if_stepped = [&](ScalarOf<T>* row, T number)
+                                    LOCKSTEP_INLINED { store(row, select(x.frozen, T(0), number)); };
   for (int k = 0; k < 6 * t.loops.loops.count; ++k)
-    store(batch.loop_force + k * batch.stride, select(x.frozen, T(0), x.loops.force[k]));
+    store_if_stepped(batch.loop_force + k * batch.stride, x.loops.force[k]);
   for (int c = 0; shape.record_impulses && c < t.couplings; ++c)
-    store(batch.impulse + c * batch.stride, x.couplings.impulse[c]);
+    store_if_stepped(batch.impulse + c * batch.stride, x.couplings.impulse[c]);
   if (!shape.record_diagnostics) return;
   for (int r = 0; r < t.reported.count; ++r) {
-    store(batch.residual + r * batch.stride, x.diagnostics.residual[r]);
-    store(batch.row_state + r * batch.stride, x.diagnostics.row_state[r]);
+    store_if_stepped(batch.residual + r * batch.stride, x.diagnostics.residual[r]);
+    store_if_stepped(batch.row_state + r * batch.stride, x.diagnostics.row_state[r]);
   }
   for (int k = 0; k < 4; ++k) store(batch.energy + k * batch.stride, x.diagnostics.energy[k]);
 }

@@ -17,7 +17,9 @@ void keep_state(Tile<Traced>& x);
 bool find_contacts(const Tables<double>& t, Tile<Traced>& x);
 inline void touch(const Tables<double>&, const StatePointers<double>&, bool, Tile<Traced>&) {}
 inline void subtract_loops(const Tables<double>&, const Tile<Traced>&, Traced*) {}
-inline void loop_forces(const Tables<double>&, double, Tile<Traced>&) {}
+inline void clear_loop_forces(const Tables<double>&, Tile<Traced>&) {}
+inline void add_loop_impulses(const Tables<double>&, Traced::Mask, Tile<Traced>&) {}
+inline void end_loop_forces(const Tables<double>&, double, Tile<Traced>&) {}
 inline void subtract_contacts(const Tables<double>&, const Tile<Traced>&, Traced*) {}
 inline void add_contact_work(const Tables<double>&, const Traced*, Tile<Traced>&, Traced&, Traced&) {}
 /// Refuses: the tables alone have functions of joints and spatial tendons.

@@ -82,14 +82,16 @@ TEST(MjcfCouplings, may_have_many_joints) {
 // The first pose of a weld is that of the mocap body, whatever its relpose, and a keyframe moves it alone.
 // What is fused with the world has no mass that settotalmass would scale: 2 kg in MuJoCo 3.3.8.
 TEST(MjcfMasses, of_fused_bodies_are_not_scaled) {
-  const auto mass = [](const std::string& fused) {
-    const Import import = import_mjcf("<mujoco><compiler settotalmass='2' fusestatic='" + fused +
-                                      "'/><worldbody><body><geom size='0.3'/></body><body name='moves'><joint/>"
-                                      "<geom size='0.1'/></body></worldbody></mujoco>");
+  const auto mass = [](const std::string& fused, const std::string& still = "") {
+    const Import import =
+        import_mjcf("<mujoco><compiler settotalmass='2' fusestatic='" + fused + "'/><worldbody><body " + still +
+                    "><geom size='0.3'/></body><body name='moves'><joint/>"
+                    "<geom size='0.1'/></body></worldbody></mujoco>");
     return link(import.model, "moves").inertia.mass;
   };
   EXPECT_NEAR(mass("true"), 2.0, 1e-12);
   EXPECT_NEAR(mass("false"), 2.0 / 28.0, 1e-12);
+  EXPECT_NEAR(mass("true", "mocap='true'"), 2.0 / 28.0, 1e-12);
 }
 
 // MuJoCo 3.3.8: the damper of a pair without springs, and the spring without dampers.

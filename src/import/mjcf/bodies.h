@@ -79,6 +79,12 @@ struct JointId {
 struct Bodies {
   std::vector<Body> all;
   std::vector<bool> moves;  ///< by body: it or one that carries it has joints
+
+  /// Whether a body is the other one, or carries it.
+  bool is_above(int body, int other) const {
+    while (other > body) other = all[static_cast<std::size_t>(other)].parent;
+    return other == body;
+  }
 };
 
 /// Reads all bodies, with inertias where the file states them: weigh() does the others. Throws ImportError for what is

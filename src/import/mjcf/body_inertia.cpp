@@ -110,7 +110,7 @@ void weigh(Bodies& bodies, const std::vector<bool>& is_read, const Settings& set
       change_moments(inertia.about_center, [](const Vector3d& moments) -> Vector3d {
         return moments[0] + moments[1] < moments[2] ? Vector3d::Constant(moments.mean()) : moments;
       });
-    if (bodies.moves[i] || !settings.fuses_static) total += inertia.mass;
+    if (bodies.moves[i] || bodies.all[i].is_mocap || !settings.fuses_static) total += inertia.mass;
     if (settings.total_mass > 0.0 && !bodies.all[i].mesh_masses.empty())
       throw ImportError(bodies.all[i].mesh_masses.front(),
                         "would count for settotalmass by the volume of its mesh, which is left out on request",

@@ -60,7 +60,7 @@ Quaterniond turn_to(const Vector3d& direction) {
   const Vector3d z = direction.normalized();
   Vector3d axis = Vector3d::UnitZ().cross(z);
   const double sine = axis.norm();
-  axis = sine < 1e-7 ? Vector3d::UnitX() : Vector3d(axis / sine);  // as in MuJoCo
+  axis = sine < 1e-7 ? Vector3d::UnitX() : Vector3d(axis / sine);  // as MuJoCo 3.3.8 turns
   return Quaterniond(Eigen::AngleAxisd(std::atan2(sine, z.z()), axis));
 }
 

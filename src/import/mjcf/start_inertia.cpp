@@ -85,15 +85,13 @@ Eigen::SparseMatrix<double> mass_matrix(const Scene& scene, const Directions& di
 
 // MuJoCo's matrix has no places for directions of different branches.
 void add_tendons(const Scene& scene, const Directions& directions, Eigen::MatrixXd& matrix) {
-  const auto is_above = [&](int body, int other) {
-    while (other > body) other = scene.bodies.all[static_cast<std::size_t>(other)].parent;
-    return other == body;
-  };
+  const Bodies& bodies = scene.bodies;
   const auto body_of = [&](int joint) { return scene.joints[static_cast<std::size_t>(joint)].body; };
   for (const Tendon& tendon : scene.tendons)
     for (const auto& [one, factor] : tendon.length.terms)
       for (const auto& [other, another] : tendon.length.terms)
-        if (tendon.armature > 0.0 && (is_above(body_of(one), body_of(other)) || is_above(body_of(other), body_of(one))))
+        if (tendon.armature > 0.0 &&
+            (bodies.is_above(body_of(one), body_of(other)) || bodies.is_above(body_of(other), body_of(one))))
           matrix(directions.of_joint[static_cast<std::size_t>(one)],
                  directions.of_joint[static_cast<std::size_t>(other)]) += tendon.armature * factor * another;
 }

@@ -108,8 +108,9 @@ class Finder {
     for (std::size_t j = 0; j < scene_.joints.size(); ++j) {
       const JointPart& joint = scene_.joint(static_cast<int>(j));
       const auto lengthens = [&](const Strand& strand) {
-        return is_above(scene_.joints[j].body, body_of(strand.first)) !=
-               is_above(scene_.joints[j].body, body_of(strand.second));
+        const int body = scene_.joints[j].body;
+        return scene_.bodies.is_above(body, body_of(strand.first)) !=
+               scene_.bodies.is_above(body, body_of(strand.second));
       };
       if (joint.effort_limit < infinity && std::any_of(tendon.strands.begin(), tendon.strands.end(), lengthens))
         scene_.report().warn(limits_of_tendons_joints, joint.name);
@@ -129,15 +130,13 @@ class Finder {
     return at;
   }
 
-  bool is_above(int body, int other) const {
-    while (other > body) other = scene_.bodies.all[static_cast<std::size_t>(other)].parent;
-    return other == body;
-  }
   bool is_on_one_branch(const Form& length) const {
     const auto body_of = [&](const auto& term) { return scene_.joints[static_cast<std::size_t>(term.first)].body; };
     for (const auto& one : length.terms)
       for (const auto& other : length.terms)
-        if (!is_above(body_of(one), body_of(other)) && !is_above(body_of(other), body_of(one))) return false;
+        if (!scene_.bodies.is_above(body_of(one), body_of(other)) &&
+            !scene_.bodies.is_above(body_of(other), body_of(one)))
+          return false;
     return true;
   }
 

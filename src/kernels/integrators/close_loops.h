@@ -24,18 +24,13 @@ LOCKSTEP_INLINE void second_half_velocities(const Tables<ScalarOf<T>>& t, Tile<T
   for (int i = 0; i < t.balls.count; ++i) set(t.balls[i].velocity, 3);
 }
 
-/// Lanes in which a row of a loop is at its force limit, or the loop is open as it is after that: nothing but the force
-/// closes it.
+/// Lanes in which row i of a loop is at its limit, or open as it is after that: nothing but its force closes it.
 template <class T>
 typename T::Mask has_slipped(const Tables<ScalarOf<T>>& t, const HeldLoop<ScalarOf<T>>& loop, int i, const Tile<T>& x) {
-  using S = ScalarOf<T>;
-  if (!has_limit(loop)) return T::none();
   const int r = loop.row + i;
-  const S limit = i < loop.translations ? loop.force : loop.torque;
-  const T most = T(limit * S(1 - 1e-5)), *const impulse = x.loops.impulse;
-  auto slips = ~less(absolute(impulse[r]), most);
-  if (t.solve_twice) slips = slips | ~less(absolute(impulse[t.loops.rows + r]), most);
-  return slips | beyond(x.loops.gap[r], T(S(slipped)));
+  auto slips = is_at_limit(loop, i, x.loops.impulse[r]) | has_opened(loop, i, x.loops.gap[r]);
+  if (t.solve_twice) slips = slips | is_at_limit(loop, i, x.loops.impulse[t.loops.rows + r]);
+  return slips;
 }
 
 /// Changes x.stages.mean_velocity, which is about to move the positions of x.stages.begin. x.state.pose is where roots

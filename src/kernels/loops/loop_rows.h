@@ -14,26 +14,38 @@ constexpr double slow_closing = 0.1;     ///< what of that may stay in the veloc
 constexpr double slipped = 2e-3;         ///< gap of a loop that has a force limit and did not hold, m and rad
 constexpr double moves_nothing = 1e-7;   ///< a row's own response, as a share of that of all directions
 
+/// The largest impulse of row i of a loop, over a step.
 template <class S>
-LOCKSTEP_INLINE bool has_limit(const HeldLoop<S>& loop) {
-  return loop.force < S(unlimited) || loop.torque < S(unlimited);
+LOCKSTEP_INLINE S limit_of(const HeldLoop<S>& loop, int i) {
+  return i < loop.translations ? loop.force : loop.torque;
+}
+template <class T>
+LOCKSTEP_INLINE typename T::Mask is_at_limit(const HeldLoop<ScalarOf<T>>& loop, int i, T impulse) {
+  return ~less(absolute(impulse), T(limit_of(loop, i)) * T(ScalarOf<T>(1 - 1e-5)));
 }
 
-/// The speed by which a row closes its loop, (M131). At a midpoint, close_loops() moves the positions of loops that
+/// Lanes in which row i of a hard loop with a force limit is open as it is after it has slipped.
+template <class T>
+LOCKSTEP_INLINE typename T::Mask has_opened(const HeldLoop<ScalarOf<T>>& loop, int i, T gap) {
+  using S = ScalarOf<T>;
+  return loop.soft || !(limit_of(loop, i) < S(unlimited)) ? T::none() : beyond(gap, T(S(slipped)));
+}
+
+/// The speed by which row i closes its loop, (M131). At a midpoint, close_loops() moves the positions of rows that
 /// hold; one that has slipped comes back by no more than its force.
 template <class T>
-LOCKSTEP_INLINE T closing_speed(const Tables<ScalarOf<T>>& t, const HeldLoop<ScalarOf<T>>& loop, T gap) {
+LOCKSTEP_INLINE T closing_speed(const Tables<ScalarOf<T>>& t, const HeldLoop<ScalarOf<T>>& loop, int i, T gap) {
   using S = ScalarOf<T>;
   if (loop.soft) return T(loop.rate) * gap;
-  if (t.solves_midpoint && !has_limit(loop)) return T(0);
   const T speed = clamp(T(loop.rate) * gap, T(S(-fastest_closing)), T(S(fastest_closing)));
-  return t.solves_midpoint ? select(beyond(gap, T(S(slipped))), speed, T(0)) : speed;
+  return t.solves_midpoint ? select(has_opened(loop, i, gap), speed, T(0)) : speed;
 }
 
 /// Lanes in which the speed of a push must not stay.
 template <class T>
-LOCKSTEP_INLINE typename T::Mask closes_fast(const Tables<ScalarOf<T>>& t, const HeldLoop<ScalarOf<T>>& loop, T gap) {
-  return loop.soft ? T::none() : beyond(closing_speed(t, loop, gap), T(ScalarOf<T>(slow_closing)));
+LOCKSTEP_INLINE typename T::Mask closes_fast(const Tables<ScalarOf<T>>& t, const HeldLoop<ScalarOf<T>>& loop, int i,
+                                             T gap) {
+  return loop.soft ? T::none() : beyond(closing_speed(t, loop, i, gap), T(ScalarOf<T>(slow_closing)));
 }
 
 /// act(loop, its number, its first row of the rounds)
@@ -48,7 +60,7 @@ template <class T>
 typename T::Mask loops_with_two_phases(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   auto differ = T::none();
   each_loop(t, x, [&](const auto& loop, int, const ActingRow<T>*) LOCKSTEP_INLINED {
-    for (int r = loop.row; r < loop.row + loop.rows(); ++r) differ = differ | closes_fast(t, loop, x.loops.gap[r]);
+    for (int i = 0; i < loop.rows(); ++i) differ = differ | closes_fast(t, loop, i, x.loops.gap[loop.row + i]);
   });
   return differ;
 }
@@ -73,8 +85,8 @@ void open_loop_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
       for (int i = first; i < first + count; ++i) {
         ActingRow<T>& row = rows[i];
         const T gap = x.loops.gap[loop.row + i];
-        const T closing = phase == velocity_phase ? select(closes_fast(t, loop, gap), zero, closing_speed(t, loop, gap))
-                                                  : closing_speed(t, loop, gap);
+        const T speed = closing_speed(t, loop, i, gap);
+        const T closing = phase == velocity_phase ? select(closes_fast(t, loop, i, gap), zero, speed) : speed;
         const auto idle = off | ~less(T(S(moves_nothing)) * all, row.response);
         row.lo = -far, row.hi = far, row.force = T(limit);
         row.centre = fma(half, x.loops.bias[loop.row + i], closing);
