@@ -110,7 +110,7 @@ TEST_P(TurnsOfMethods, random_models_move_as_if_nothing_were_kept_apart) {
       }
     }
   }
-  EXPECT_GE(turned, 40);
+  EXPECT_GE(turned, 20 * static_cast<int>(engines().size()));
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, TurnsOfMethods, testing::ValuesIn(physics::methods), physics::method_name);

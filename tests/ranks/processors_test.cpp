@@ -83,6 +83,9 @@ TEST(Threads, are_as_many_as_the_process_may_use) {
 }
 
 TEST(MemoryDomain, holds_the_threads_and_changes_no_bit) {
+#ifdef LOCKSTEP_SANITIZED
+  GTEST_SKIP() << "oneTBB opens its part for memory domains in a way that the address sanitizer refuses";
+#endif
   const Plan plan = compile(scenes::chain8());
   Batch<float> any(plan, 64), held(plan, 64, {.threads = 2, .memory_domain = 0});
   for (Batch<float>* batch : {&any, &held}) batch->step(50);
