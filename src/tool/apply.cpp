@@ -153,9 +153,9 @@ void apply(const ModelOptions& options, Model& model) {
   set_number(options.damping, "--damping", &Joint::damping, model);
   set_number(options.armature, "--armature", &Joint::armature, model);
   for (const std::string& text : options.sites) add_site(text, model);
+  refuse_repeats(options.force_limits, "--force-limit"), refuse_repeats(options.drives, "--drive");
   for (const std::string& text : options.force_limits) limit_force(text, model);
   for (const std::string& text : options.drives) drive(text, model);
-  refuse_repeats(options.force_limits, "--force-limit"), refuse_repeats(options.drives, "--drive");
   for (const std::string& name : options.kinematic) make_kinematic(name, model);
   if (options.ground) add_ground(*options.ground, model);
   for (const std::string& text : options.contacts) add_contact(text, model);

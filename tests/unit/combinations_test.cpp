@@ -11,6 +11,7 @@
 #include "jit/compile.h"
 #include "lockstep/error.h"
 #include "lockstep/generate.h"
+#include "neighbours.h"
 #include "physics.h"
 #include "plan/program.h"
 #include "targets/dispatch.h"
@@ -181,6 +182,29 @@ TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
       ++runs;
     }
   EXPECT_GT(runs, 280);
+}
+
+// Two thirds of a second after the start, where much acts. All that a scene can record is read.
+TEST(Combinations, have_no_bit_of_their_neighbours) {
+  int runs = 0;
+  for (const std::vector<Feature>& features : all_scenes())
+    for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog})
+      for (const bool diagnosed : {false, true}) {
+        Scene scene(features);
+        StepSettings& settings = scene.settings;
+        settings.integrator = integrator, settings.record_impulses = settings.record_diagnostics = diagnosed;
+        settings.record_efforts = !diagnosed && !scene.has("kinematic drive");
+        settings.record_contacts = settings.record_accelerations = !diagnosed;
+        if (cell(scene.model, settings, settings.method, integrator).text == "-") continue;
+        SCOPED_TRACE(scene.name + " by " + to_string(integrator));
+        Batch<float> batch(compile(scene.model, settings), 12, {.threads = 1});
+        make_different(batch);
+        std::mt19937 random(7);
+        for (int control = 0; control < 20; ++control) act_differently(batch, random), batch.step(8);
+        neighbours::expect_none_matters(batch, 8, [&](Batch<float>& b) { act_differently(b, random); });
+        ++runs;
+      }
+  EXPECT_GT(runs, 200);
 }
 
 // What is recorded changes no bit. Efforts keep their limits, accelerations are the changes of velocities, and all

@@ -60,8 +60,8 @@ class Finder {
       throw ImportError(tendon.place, "wraps around " + tendon.wrapped + ", which lockstep lacks",
                         "lead it over sites alone, or remove its range, springs, friction and actuators");
     const Trees trees(draft_.model);
-    Joint joint;
-    joint.kind = JointKind::tendon;
+    Joint joint, drawn;  // the latter where the file draws mocap bodies, whatever the keyframe says
+    joint.kind = drawn.kind = JointKind::tendon;
     bool moves = false;
     for (const Strand& strand : tendon.strands) {
       const auto site = [&](const std::string& name) {
@@ -79,6 +79,7 @@ class Finder {
       const Place one = ends_.place_of(first), other = ends_.place_of(second);
       moves |= can_move(draft_.model, trees, one.link, other.link);
       joint.path.push_back({one.link, other.link, one.pose.translation(), other.pose.translation(), strand.share});
+      drawn.path.push_back({one.link, other.link, drawn_point(first, one), drawn_point(second, other), strand.share});
     }
     if (!moves) return std::nullopt;
     if (is_driven(index)) warn_of_limits(tendon);
@@ -88,19 +89,15 @@ class Finder {
       scene_.report().warn("armature of spatial tendons, left out",
                            fmt::format("{:g} of {}", tendon.armature, joint.name));
     scene_.report().remark("tendons as joints of their own, whose position is the tendon's length", joint.name);
-    Joint drawn = joint;
-    for (std::size_t s = 0; s < tendon.strands.size(); ++s) {
-      const auto place = [&](const std::string& site, Eigen::Vector3d& point) {
-        const End& end = *ends_.find_site(site);
-        if (scene_.bodies.all[end.body].is_mocap)
-          point = (scene_.bodies.all[end.body].in_world * end.frame).translation();
-      };
-      place(tendon.strands[s].first, drawn.path[s].first_point);
-      place(tendon.strands[s].second, drawn.path[s].second_point);
-    }
     const double rest = length_of(draft_.model, trees, at_rest(trees), drawn);
     draft_.model.joints.push_back(joint);
     return Transmission{joint.name, 1.0, 0.0, rest};
+  }
+
+  // In the frame of the place.
+  Eigen::Vector3d drawn_point(const End& end, const Place& place) const {
+    const Body& body = scene_.bodies.all[end.body];
+    return body.is_mocap ? Eigen::Vector3d((body.in_world * end.frame).translation()) : place.pose.translation();
   }
 
   void warn_of_limits(const Tendon& tendon) const {
