@@ -91,6 +91,9 @@ TEST(MjcfRefusal, is_of_what_mujoco_refuses) {
   expect_refused(world("<body childclass='none'/>"), "2: <body>", "childclass 'none'");
   expect_refused(world(body("<joint/>"), "<default><default><joint/></default></default>"), "1: <default>", "'class'");
   expect_refused(world(body("<joint/>"), "<default class='other'/>"), "1: <default>", "at the top");
+  expect_refused(world(body("<joint/>"), "<default><joint name='x'/></default>"), "1: <joint>", "has a name, which");
+  expect_refused(world(body("<joint name='x'/>"), "<default><motor joint='x'/></default><actuator><motor/></actuator>"),
+                 "1: <motor>", "has a joint, which");
   expect_refused(world(body("<joint/>"), "<default><default class='a'/><default class='a'/></default>"), "1: <default>",
                  "once more");
   expect_refused(world(body("<joint range='0 1'/>"), "<compiler autolimits='false'/>"), "2: <joint>", "autolimits");

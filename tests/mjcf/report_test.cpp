@@ -315,6 +315,12 @@ const std::vector<Line> lines = {
      "contact pairs that cannot move against each other, left out (1): MJCF text:1: <pair>",
      {.colliders = true}},
     {true, world(body("<joint dampng='1'/>", "a")), "unknown, not used (check the spelling): 1 'dampng' of joint"},
+    {true,
+     world(body("<joint name='x' coef='2'/><geom size='1' kp='3'/>", "a"),
+           "<tendon><fixed><joint joint='x' coef='1'/></fixed></tendon><actuator><motor joint='x' kp='5'/></actuator>"),
+     "unknown, not used (check the spelling): 1 'coef' of joint, 1 'kp' of geom, 1 'kp' of motor"},
+    {false, world(body("<joint user='2'/><geom size='1' rgba='1 1 1 1'/>", "a"), "<sensor kp='2'/>"),
+     "not used: 1 'rgba' of geom, 1 'user' of joint, 1 sensor"},
     {false, world(pair, "<contact><exclude body1='one' body2='two'/></contact><sensor/><custom/>"),
      "not used: 1 custom, 1 exclude, 1 sensor"},
 };

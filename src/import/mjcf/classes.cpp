@@ -8,6 +8,8 @@
 #include <string_view>
 
 #include "import/text.h"
+#include "known.h"
+#include "references.h"
 
 namespace lockstep::importer::mjcf {
 namespace {
@@ -16,6 +18,15 @@ namespace {
 constexpr std::string_view used[] = {"joint",  "geom",     "site",     "equality",    "tendon", "general",
                                      "motor",  "position", "velocity", "intvelocity", "damper", "cylinder",
                                      "muscle", "adhesion", "pair",     "mesh"};
+
+// What an element is called, and which others it is about, no class says.
+void refuse_names(const Element& element) {
+  for (auto* attribute = element.xml().FirstAttribute(); attribute; attribute = attribute->Next()) {
+    const std::string_view name = attribute->Name(), kind = referent(name);
+    if (is_for_names(name) || !(kind.empty() || kind == "material" || kind == "mesh" || kind == "hfield"))
+      element.fail(fmt::format("has a {}, which a default cannot give", name), "give it to the elements of the class");
+  }
+}
 
 }  // namespace
 
@@ -38,9 +49,10 @@ void Classes::read(const Element& section, Class& own, Named& classes) {
   std::set<std::string_view> tags;
   for (const Element::Xml* xml : children) {
     if (std::find(std::begin(used), std::end(used), xml->Name()) == std::end(used)) continue;
-    document_.visit(*xml);
+    const Element element(document_, *xml);
     if (!tags.insert(xml->Name()).second)
-      Element(document_, *xml).fail("stands in this <default> once more", "put all its attributes into one element");
+      element.fail("stands in this <default> once more", "put all its attributes into one element");
+    refuse_names(element);
     own.elements.push_back(xml);
   }
   for (const Element::Xml* xml : children) {

@@ -161,7 +161,7 @@ std::vector<const Document::Xml*> Document::section(std::string_view tag) {
   return inside(tag);
 }
 
-void Document::account(const Xml& element) {
+void Document::account(const Xml& element, std::string_view owner) {
   const std::string_view tag = element.Name();
   if (tag == "include") return;
   // Of what is attached, only a body may be taken.
@@ -181,12 +181,12 @@ void Document::account(const Xml& element) {
     const std::string_view name = attribute->Name();
     if (read_.contains(attribute) || is_for_names(name)) continue;
     const std::string what = fmt::format("'{}' of {}", shortened(name), shortened(tag));
-    is_known(name) ? report_.not_used(what) : report_.unknown(what);
+    has_attribute(owner, tag, name) ? report_.not_used(what) : report_.unknown(what);
   }
   if (tag == "replicate" && element.IntAttribute("count", 1) == 0) return report_.not_used("replicate of count 0");
   for (auto* node = element.FirstChild(); node; node = node->NextSibling()) {
     if (const Xml* child = node->ToElement())
-      account(*child);
+      account(*child, tag);
     else if (!node->ToComment())
       report_.unknown(fmt::format("text '{}' in {}", shortened(trimmed(node->Value())), shortened(tag)));
   }
@@ -195,7 +195,7 @@ void Document::account(const Xml& element) {
 void Document::account() {
   for (const auto& source : sources_) {
     visited_.insert(source->root);
-    account(*source->root);
+    account(*source->root, "");
   }
 }
 

@@ -77,7 +77,7 @@ class Document {
   void add_prefix(std::size_t part);
   void choose_body(Part& part, const std::string& name, const Fail& refuse);
 
-  void account(const Xml& element);
+  void account(const Xml& element, std::string_view owner);
 
   std::vector<std::filesystem::path> roots_;
   Report& report_;

@@ -1,4 +1,4 @@
-// The names, sorted. SPDX-License-Identifier: Apache-2.0
+// What elements there are, and what they have. SPDX-License-Identifier: Apache-2.0
 #include "known.h"
 
 #include <algorithm>
@@ -7,50 +7,126 @@
 namespace lockstep::importer::mjcf {
 namespace {
 
-constexpr std::string_view known[] = {
+// Elements that nothing is read of.
+constexpr std::string_view unread[] = {
     // clang-format off
-    "accel", "act", "actdim", "actearly", "active", "actlimited", "actrange", "actuation", "actuator",
-    "actuatorfrclimited", "actuatorfrcrange", "actuatorgravcomp", "actuatorgroupdisable", "adhesion", "align",
-    "alignfree", "ambient", "anchor", "angle", "apirate", "area", "armature", "asset", "assetdir", "attach",
-    "attenuation", "autolimits", "autoreset", "axis", "axisangle", "balanceinertia", "bias", "biasprm", "biastype",
-    "body", "body1", "body2", "bone", "boundinertia", "boundmass", "camera", "castshadow", "ccd_iterations",
-    "ccd_tolerance", "center", "childclass", "clampctrl", "coef", "compiler", "composite", "conaffinity", "condim",
-    "cone", "config", "conflict", "connect", "constraint", "contact", "content_type", "contype", "convexhull", "coordinate",
-    "count", "cranklength", "cranksite", "ctrl", "ctrllimited", "ctrlrange", "custom", "cutoff", "cylinder",
-    "damper", "damping", "dampratio", "dcmotor", "default", "deformable", "delay", "density", "diaginertia",
-    "diameter", "diffuse", "dir", "directional", "discardvisual", "dynprm", "dyntype", "element", "energy",
-    "equality", "euler", "eulerdamp", "eulerseq", "exactmeshinertia", "exclude", "exponent", "extension", "extent",
-    "face", "file", "filterparent", "fitscale", "fixed", "flag", "flex", "flexcomp", "flexstrain", "flexvert",
-    "fluidcoef", "fluidshape", "focal", "force", "forcelimited", "forcerange", "fovy", "fpmax", "frame",
-    "freejoint", "friction", "frictionloss", "fromto", "fullinertia", "fusestatic", "fvmax", "fwdinv", "gain",
-    "gainprm", "gaintype", "gap", "gear", "general", "geom", "geom1", "geom2", "global", "gravcomp", "gravity",
-    "group", "headlight", "hfield", "impratio", "inertia", "inertiafromgeom", "inertiagrouprange", "inertial",
-    "inheritrange", "instance", "integrator", "interp", "interval", "inttotal", "intvelocity", "invdiscrete", "ipd",
-    "island", "iterations", "jacobian", "joint", "joint1", "joint2", "jointinparent", "key", "keyframe", "kp", "kv",
-    "layer", "lengthrange", "light", "limit", "limited", "lmax", "lmin", "ls_iterations", "ls_tolerance",
-    "magnetic", "map", "margin", "mass", "material", "maxhullvert", "maxuse", "meaninertia", "meanmass", "meansize",
-    "memory", "mesh", "meshdir", "midphase", "mintimeconst", "mocap", "mode", "model", "motor", "mpos",
-    "mpr_iterations", "mpr_tolerance", "mquat", "multiccd", "multithread", "muscle", "nativeccd", "nconmax",
-    "njmax", "nkey", "noise", "noslip_iterations", "noslip_tolerance", "nsample", "nstack", "numeric",
-    "nuser_actuator", "nuser_body", "nuser_cam", "nuser_geom", "nuser_jnt", "nuser_sensor", "nuser_site",
-    "nuser_tendon", "nuserdata", "o_friction", "o_margin", "o_solimp", "o_solref", "objtype", "offset", "option",
-    "override", "pair", "passive", "pid", "pixel", "plugin", "polycoef", "pos", "position", "prefix", "priority", "pulley", "qpos",
-    "quality", "quat", "qvel", "range", "ref", "refpos", "refquat", "refsafe", "refsite", "relpose", "replicate",
-    "resolution", "rgba", "saveinertial", "scale", "sdf_initpoints", "sdf_iterations", "sensor", "sensorsize",
-    "sep", "settotalmass", "shellinertia", "sidesite", "site", "site1", "site2", "size", "skin", "sleep",
-    "sleep_tolerance", "slidersite", "smoothnormal", "solimp", "solimpfriction", "solimplimit", "solmix", "solref",
-    "solreffriction", "solreflimit", "solver", "spatial", "specular", "spring", "springdamper", "springinertia",
-    "springlength", "springref", "statistic", "stiffness", "strippath", "target", "tausmooth", "tendon", "tendon1",
-    "tendon2", "text", "texture", "texturedir", "time", "timeconst", "timestep", "tolerance", "tolrange",
-    "torquescale", "tuple", "type", "useaccel", "useexisting", "uselimit", "user", "usethread", "velocity",
-    "vertex", "viscosity", "visual", "vmax", "warmstart", "weld", "width", "wind", "xmlns", "xyaxes", "zaxis",
+    "bone", "camera", "composite", "config", "custom", "dcmotor", "deformable", "element", "exclude", "extension",
+    "flex", "flexcomp", "flexstrain", "flexvert", "global", "headlight", "instance", "layer", "lengthrange", "light", "map",
+    "material", "numeric", "pair", "pid", "plugin", "quality", "rgba", "scale", "sensor", "size", "skin", "statistic",
+    "text", "texture", "tuple", "visual",
     // clang-format on
 };
-static_assert(std::is_sorted(std::begin(known), std::end(known)));
+static_assert(std::is_sorted(std::begin(unread), std::end(unread)));
+
+// An element in elements of one kind, or in all others where there is no owner, and what it may have.
+struct Attributes {
+  std::string_view owner, tag, names, more = "";  // blanks between names
+};
+
+constexpr std::string_view of_poses = "axisangle euler pos quat xyaxes zaxis";
+constexpr std::string_view of_constraints = "active class name solimp solref";
+constexpr std::string_view of_tendons =
+    "actuatorfrclimited actuatorfrcrange armature class damping frictionloss group limited margin name range "
+    "solimpfriction solimplimit solreffriction solreflimit springlength stiffness user";
+constexpr std::string_view of_actuators =
+    "armature class cranklength cranksite ctrllimited ctrlrange damping delay forcelimited forcerange gear group "
+    "interp "
+    "joint jointinparent lengthrange name nsample plugin refsite site slidersite tendon user";
+
+constexpr Attributes attributes[] = {
+    {"", "mujoco", "model xmlns"},
+    {"", "mujocoinclude", "model xmlns"},
+    {"", "compiler",
+     "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass conflict convexhull coordinate "
+     "discardvisual eulerseq exactmeshinertia fitaabb fusestatic inertiafromgeom inertiagrouprange meshdir "
+     "saveinertial "
+     "settotalmass strippath texturedir usethread"},
+    {"", "option",
+     "actuatorgroupdisable apirate ccd_iterations ccd_tolerance collision cone density gravity impratio integrator "
+     "iterations jacobian ls_iterations ls_tolerance magnetic mpr_iterations mpr_tolerance noslip_iterations "
+     "noslip_tolerance o_friction o_margin o_solimp o_solref sdf_initpoints sdf_iterations sleep_tolerance solver "
+     "timestep tolerance viscosity wind"},
+    {"", "flag",
+     "actuation autoreset clampctrl constraint contact damper diagexact energy equality eulerdamp filterparent "
+     "frictionloss fwdinv gravity invdiscrete island limit midphase multiccd nativeccd override passive refsafe sensor "
+     "sensornoise sleep spring warmstart"},
+    {"", "asset", ""},
+    {"", "mesh",
+     "builtin class content_type face file inertia material maxhullvert name normal params refpos refquat scale "
+     "smoothnormal texcoord vertex"},
+    {"", "hfield", "content_type elevation file name ncol nrow size"},
+    {"", "model", "content_type file name"},
+    {"", "default", "class"},
+    {"", "worldbody", "childclass name"},
+    {"", "body", "childclass gravcomp mocap name sleep user", of_poses},
+    {"", "frame", "childclass name", of_poses},
+    {"", "replicate", "childclass count offset sep", of_poses},
+    {"", "attach", "body frame model name prefix"},
+    {"", "inertial", "diaginertia fullinertia mass", of_poses},
+    {"", "freejoint", "align group name"},
+    {"", "joint",
+     "actuatorfrclimited actuatorfrcrange actuatorgravcomp armature axis class damping frictionloss group limited "
+     "margin name pos range ref solimpfriction solimplimit solreffriction solreflimit springdamper springref stiffness "
+     "type user"},
+    {"", "geom",
+     "class conaffinity condim contype density fitscale fluidcoef fluidshape friction fromto gap group hfield margin "
+     "mass material mesh name priority rgba shellinertia size solimp solmix solref type user",
+     of_poses},
+    {"", "site", "class fromto group material mesh name rgba size type user", of_poses},
+    {"", "contact", ""},
+    {"", "pair", "class condim friction gap geom1 geom2 margin name solimp solref solreffriction"},
+    {"", "exclude", "body1 body2 name"},
+    {"", "equality", ""},
+    {"", "connect", "anchor body1 body2 site1 site2", of_constraints},
+    {"", "weld", "anchor body1 body2 relpose site1 site2 torquescale", of_constraints},
+    {"equality", "joint", "joint1 joint2 polycoef", of_constraints},
+    {"equality", "tendon", "polycoef tendon1 tendon2", of_constraints},
+    {"default", "equality", of_constraints},
+    {"", "tendon", ""},
+    {"", "fixed", of_tendons},
+    {"", "spatial", "material rgba width", of_tendons},
+    {"default", "tendon", "material rgba width", of_tendons},
+    {"fixed", "joint", "coef joint"},
+    {"spatial", "site", "site"},
+    {"spatial", "geom", "geom sidesite"},
+    {"", "pulley", "divisor"},
+    {"", "actuator", ""},
+    {"", "general", "actdim actearly actlimited actrange biasprm biastype body dynprm dyntype gainprm gaintype",
+     of_actuators},
+    {"", "motor", "", of_actuators},
+    {"", "position", "dampratio inheritrange kp kv timeconst", of_actuators},
+    {"", "velocity", "kv", of_actuators},
+    {"", "intvelocity", "actlimited actrange dampratio inheritrange kp kv", of_actuators},
+    {"", "damper", "kv", of_actuators},
+    {"", "cylinder", "area bias diameter timeconst", of_actuators},
+    {"", "muscle", "force fpmax fvmax lmax lmin range scale tausmooth timeconst vmax", of_actuators},
+    {"", "adhesion", "body gain", of_actuators},
+    {"", "keyframe", ""},
+    {"", "key", "act ctrl mpos mquat name qpos qvel time"},
+};
+
+bool is_among(std::string_view name, std::string_view names) {
+  while (!names.empty()) {
+    const std::size_t end = std::min(names.find(' '), names.size());
+    if (names.substr(0, end) == name) return true;
+    names.remove_prefix(std::min(end + 1, names.size()));
+  }
+  return false;
+}
 
 }  // namespace
 
-bool is_known(std::string_view name) { return std::binary_search(std::begin(known), std::end(known), name); }
+bool is_known(std::string_view tag) {
+  return std::binary_search(std::begin(unread), std::end(unread), tag) ||
+         std::any_of(std::begin(attributes), std::end(attributes), [&](const Attributes& of) { return of.tag == tag; });
+}
+
+bool has_attribute(std::string_view owner, std::string_view tag, std::string_view name) {
+  const Attributes* own = nullptr;
+  for (const Attributes& candidate : attributes)
+    if (candidate.tag == tag && (candidate.owner == owner || (candidate.owner.empty() && !own))) own = &candidate;
+  return !own || is_among(name, own->names) || is_among(name, own->more);
+}
 
 bool is_of_mechanism(std::string_view element) {
   for (const std::string_view tag :
