@@ -23,10 +23,10 @@ def uniform(batch: Batch, out: Array, stream: int = OWN) -> Array:
 
 def normal(batch: Batch, out: Array, stream: int = OWN) -> Array:
     """The same, normal with mean 0 and standard deviation 1 (M99)."""
-    half = (len(out) + 1) // 2
-    both = uniform(batch, np.empty((2 * half, out.shape[1]), np.float32), stream)
-    radius = np.sqrt(-2 * np.log(both[:half] + np.float32(2.0**-24)))
-    angle = np.float32(2 * np.pi) * both[half:]
-    np.multiply(radius, np.cos(angle), out=out[:half])
-    np.multiply(radius[: len(out) - half], np.sin(angle[: len(out) - half]), out=out[half:])
+    half = len(out) // 2
+    both = uniform(batch, np.empty((len(out) + len(out) % 2, out.shape[1]), np.float32), stream)
+    radius = np.sqrt(-2 * np.log(both[::2] + np.float32(2.0**-24)))
+    angle = np.float32(2 * np.pi) * both[1::2]
+    np.multiply(radius, np.cos(angle), out=out[::2])
+    np.multiply(radius[:half], np.sin(angle[:half]), out=out[1::2])
     return out

@@ -30,12 +30,12 @@ class Event:
 
 
 class Events:
-    """Events by name. `env` has a batch, and elapsed, [num_envs] control steps; step_time: s in a control step."""
+    """Events by name. `env` has a batch; step_time: s in a control step."""
 
     def __init__(self, events: Mapping[str, Event], num_envs: int, step_time: float) -> None:
         self.events = dict(events)
         self.step_time = step_time
-        self.due: dict[str, Array] = {}
+        self.left: dict[str, Array] = {}  # control steps until the next
         for name, event in self.events.items():
             if not isinstance(event, Event) or not callable(event.function):
                 raise UsageError(f"event '{name}'", f"is {event!r}", "give Event(function, ...)", "usage")
@@ -48,7 +48,7 @@ class Events:
                 if len(event.every) != 2 or not 0 < event.every[0] <= event.every[1] < np.inf:
                     raise UsageError(f"event '{name}'", f"is every {event.every}",
                                      "give (shortest, longest) in s, above 0", "usage")
-                self.due[name] = np.zeros(num_envs, np.int64)
+                self.left[name] = np.zeros(num_envs, np.int64)
 
     def happen(self, moment: str, env: Any, which: Array) -> None:
         for event in self.events.values():
@@ -57,13 +57,14 @@ class Events:
 
     def restart(self, env: Any, which: Array) -> None:
         """Episodes begin in these environments."""
-        for name in self.due:
+        for name in self.left:
             self._schedule(name, env, which)
 
     def step(self, env: Any, which: Array) -> None:
         """A control step has passed in these environments."""
-        for name, due in self.due.items():
-            now = which & (env.elapsed >= due)
+        for name, left in self.left.items():
+            left -= which
+            now = which & (left <= 0)
             if now.any():
                 self.events[name].function(env, now)
                 self._schedule(name, env, now)
@@ -72,4 +73,4 @@ class Events:
         shortest, longest = self.events[name].every or (0.0, 0.0)
         share = uniform(env.batch, np.empty((1, len(which))), FIRST_STREAM + list(self.events).index(name))[0]
         steps = np.rint((shortest + (longest - shortest) * share) / self.step_time).clip(1, 1 << 62).astype(np.int64)
-        self.due[name][which] = (env.elapsed + steps)[which]
+        self.left[name][which] = steps[which]

@@ -4,6 +4,7 @@ It works with a VectorEnv as with anything else that has a `batch`."""
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import dataclass
 from typing import Any, Callable, Mapping, Optional, Sequence, Union
 
@@ -74,12 +75,14 @@ class _Columns:
         self.noise = np.zeros((width, num_envs), np.float32)
 
     def bounds(self) -> tuple[Array, Array]:
-        low, high = np.full(self.frames.shape[1], -np.inf), np.full(self.frames.shape[1], np.inf)
+        low = np.full(self.frames.shape[1], -np.inf, np.float32)
+        high = -low
         for _, term, columns, _ in self.terms:
             if term.clip is not None:
-                ends = sorted((term.clip[0] * term.scale, term.clip[1] * term.scale))
-                low[columns], high[columns] = ends
-        return (np.tile(low, self.history).astype(np.float32), np.tile(high, self.history).astype(np.float32))
+                ends = np.array(term.clip, np.float32)  # rounded as see() rounds
+                ends *= term.scale
+                low[columns], high[columns] = ends.min(), ends.max()
+        return np.tile(low, self.history), np.tile(high, self.history)
 
     def see(self, env: Any, read: Mapping[Any, Array], moved: Array, began: Array) -> Array:
         if self.history > 1:
@@ -186,7 +189,8 @@ class Observations:
 
     A call reads all queries of all groups in one pass and returns {group: float32 [num_envs, k]}; the next call writes
     to the same arrays. Noise depends on seed, id, episode and step of an environment, so a second call without a step
-    sees the same. Raises UsageError that names group and term.
+    sees the same. They belong to the environment that calls them first: each needs its own, since they keep its history.
+    Raises UsageError that names group and term.
     """
 
     def __init__(self, groups: Mapping[str, Any]) -> None:
@@ -194,6 +198,7 @@ class Observations:
             raise UsageError("observation groups", f"are {groups!r}", "give {name: group}", "usage.query")
         self.groups = {name: _checked(name, group) for name, group in groups.items()}
         self._columns: list[_Columns] = []
+        self._batch: Any = None  # a weak reference
 
     def _prepare(self, env: Any) -> None:
         batch, self._columns = env.batch, []
@@ -212,6 +217,7 @@ class Observations:
         self._divide()
         self._steps = np.full(batch.num_envs, -1, np.int64)
         self._episodes = np.full(batch.num_envs, np.iinfo(np.int64).min, np.int64)
+        self._seeds = batch.seed.copy()
 
     def _divide(self) -> None:
         ends = np.cumsum([0] + self._widths)
@@ -219,13 +225,18 @@ class Observations:
 
     def __call__(self, env: Any) -> dict[str, Array]:
         batch = env.batch
-        if not self._columns:
+        owner = self._batch and self._batch()
+        if owner is not None and owner is not batch:
+            raise UsageError("observations", "belong to another environment, whose history they keep",
+                             "make Observations for each", "usage.query")
+        if self._batch and owner is None or not self._columns:  # the first environment, or one after another
             self._prepare(env)
+        self._batch = weakref.ref(batch)
         if self._queries:
             batch.read(*self._queries, out=self._rows.T)
-        began = (batch.episode != self._episodes) | (batch.steps < self._steps)
+        began = (batch.episode != self._episodes) | (batch.steps < self._steps) | (batch.seed != self._seeds)
         moved = began | (batch.steps != self._steps)
-        self._steps[...], self._episodes[...] = batch.steps, batch.episode
+        self._steps[...], self._episodes[...], self._seeds[...] = batch.steps, batch.episode, batch.seed
         return {group.name: group.see(env, self._read, moved, began) for group in self._columns}
 
     def bounds(self) -> dict[str, tuple[Array, Array]]:
@@ -239,6 +250,7 @@ class Observations:
     def __getstate__(self) -> dict[str, Any]:
         state = dict(self.__dict__)
         state.pop("_read", None)
+        state["_batch"] = None  # a copy is of the copied environment
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -10,11 +10,14 @@ if TYPE_CHECKING:
 
 
 def same_step(env: Any, who: str) -> None:
-    """Raises SettingsError unless the environment resets in the step that ends an episode."""
+    """Raises SettingsError unless the environment resets in the step that ends an episode, and returns what it keeps."""
     mode = env.autoreset_mode.value
     if mode != "SameStep":
         raise SettingsError("autoreset_mode", f"is {mode}, and {who} needs SameStep",
                             "give VectorEnv(..., autoreset_mode='SameStep')", "settings")
+    if not env.copy:
+        raise SettingsError("copy", f"is False, and {who} keeps observations over a step",
+                            "give VectorEnv(..., copy=True)", "settings")
 
 
 class RslRlEnv:

@@ -217,7 +217,8 @@ class VectorEnv(Base):  # type: ignore[misc]
         list has a seed for each, and None keeps what the environment has. Without a seed random numbers go on."""
         which = self._mask(options)
         self._seed(seed, which)
-        self._start(which)
+        self._prepare(which)
+        self._begin(which)
         return self._observed(), {}
 
     def step(self, actions: npt.ArrayLike) -> tuple[Array, Array, Mask, Mask, dict[str, Any]]:
@@ -241,11 +242,13 @@ class VectorEnv(Base):  # type: ignore[misc]
 
         for recording in self._recordings:
             recording.require_room()
-        self.advance(given)
-        self.elapsed += 1
         restarted = self._ended.copy()
         if restarted.any():
-            self._start(restarted)
+            self._prepare(restarted)  # before the step that these skip: draws are those of the other modes
+        self.advance(given)
+        self.elapsed += 1
+        if restarted.any():
+            self._begin(restarted)
         for recording in self._recordings:
             recording.add()
         fault = self.batch.fault != 0
@@ -358,10 +361,12 @@ class VectorEnv(Base):  # type: ignore[misc]
                 self.batch.seed[place] = own
                 self.batch.episode[place] = -1  # the reset makes it 0
 
-    def _start(self, which: Mask) -> None:
+    def _prepare(self, which: Mask) -> None:
         self._events.happen("start", self, which & (self.batch.episode == -1))
         self.randomize(which)
         self._events.happen("randomize", self, which)
+
+    def _begin(self, which: Mask) -> None:
         self.batch.reset_to(self.start, which)
         self.elapsed[which] = 0
         self._log.restart(which)
@@ -408,7 +413,8 @@ class VectorEnv(Base):  # type: ignore[misc]
         info["final_obs_batch"] = final
         info["final_info"] = {key: info.pop(key) for key in ("fault", "_fault", "reason", "_reason") if key in info}
         info["_final_info"] = ended
-        self._start(ended)
+        self._prepare(ended)
+        self._begin(ended)
         return self._observed()
 
 

@@ -322,11 +322,12 @@ void bind_steps(Class& batch) {
       "which"_a = py::none(),
       "Contacts begin anew in the next step, as after a reset: for bodies that were put elsewhere by hand. Where state "
       "is written otherwise, contacts that still touch keep what they hold by friction.");
-  batch.def("step", &step, "substeps"_a = 1, py::kw_only(), "before"_a = py::none(),
-            "Takes `substeps` steps of dt. Other Python threads run meanwhile, but must not use this batch. "
-            "before(i), if given, is called before step i = 0, 1 ... of them, once for all environments: write "
-            "batch.effort or other inputs there. It costs what as many calls of step() do, and what it raises passes "
-            "through.");
+  batch.def(
+      "step", &step, "substeps"_a = 1, py::kw_only(), "before"_a = py::none(),
+      "Takes `substeps` steps of dt. Other Python threads run meanwhile, but must not use this batch. "
+      "before(i), if given, is called before step i = 0, 1 ... of them, once for all environments: write "
+      "batch.effort or other inputs there. It costs what as many calls of step() do, and what is said of the last "
+      "call is then said of the last step alone. What it raises passes through.");
   batch.def("reset", &reset, "which"_a = py::none(), "q"_a = py::none(), "qd"_a = py::none(), py::kw_only(),
             "keep_inputs"_a = false, "project"_a = true,
             "To the model's state, or to q and qd, [k, nv] or [nv]. which: None (all), a mask of bool or ids. Clears "

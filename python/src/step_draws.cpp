@@ -20,17 +20,17 @@ void fill(AnyBatch& batch, const py::array_t<T>& out, std::uint64_t stream) {
     if (number.shape(1) != own.environments())
       throw UsageError("out", "has " + std::to_string(number.shape(1)) + " columns",
                        "give one for each of " + std::to_string(own.environments()) + " environments");
-    const py::ssize_t rows = number.shape(0), half = (rows + 1) / 2;
+    const py::ssize_t rows = number.shape(0);
     for (int e = 0; e < own.environments(); ++e) {
       const auto at = static_cast<std::size_t>(e);
       std::uint64_t x = mixed(own.seeds()[at] + golden);
       for (const std::uint64_t part : {std::uint64_t{own.ids()[at]}, static_cast<std::uint64_t>(own.resets()[at]),
                                        std::uint64_t{own.steps()[at]}, stream})
         x = mixed(x + golden + part);
-      for (py::ssize_t row = 0; row < half; ++row) {
-        const std::uint64_t word = mixed(x + golden * static_cast<std::uint64_t>(row + 1));
+      for (py::ssize_t row = 0; row < rows; row += 2) {
+        const std::uint64_t word = mixed(x + golden * static_cast<std::uint64_t>(row / 2 + 1));
         number(row, e) = static_cast<T>(word >> 8 & 0xffffffu) * T{0x1p-24};
-        if (half + row < rows) number(half + row, e) = static_cast<T>(word >> 40) * T{0x1p-24};
+        if (row + 1 < rows) number(row + 1, e) = static_cast<T>(word >> 40) * T{0x1p-24};
       }
     }
   });

@@ -7,7 +7,7 @@ import pytest
 from conftest import gripper_model
 
 import lockstep as ls
-from lockstep.draws import OWN, uniform
+from lockstep.draws import OWN, normal, uniform
 from lockstep.events import Event
 from lockstep.observations import Group, Normal, Observations, Term, Uniform
 from lockstep.stable_baselines3 import Sb3VecEnv
@@ -106,8 +106,8 @@ def test_draws_follow_their_formula():
         for part in (batch.env_id[e], batch.episode[e], batch.steps[e], OWN):
             x = mix(x + golden + int(part) & word)
         for row in range(5):
-            numbers = mix(x + golden * (row % 3 + 1) & word)
-            assert drawn[row, e] == (numbers >> (8 if row < 3 else 40) & 0xFFFFFF) / 2**24
+            numbers = mix(x + golden * (row // 2 + 1) & word)
+            assert drawn[row, e] == (numbers >> (40 if row % 2 else 8) & 0xFFFFFF) / 2**24
     assert np.array_equal(uniform(batch, np.empty((2, 3), np.float32)), uniform(batch, np.empty((2, 3))))
     with pytest.raises(ls.UsageError, match="has 4 columns"):
         uniform(batch, np.empty((2, 4)))
@@ -119,6 +119,65 @@ def test_intervals_differ_and_repeat():
     a, b = Task(40, limit=None, terminate=None), Task(8, limit=None, terminate=None)
     roll(a, 60), roll(b, 60)
     assert np.array_equal(a.touched[:8], b.touched) and len(set(a.touched)) > 1 and a.touched.min() > 0
+
+
+def test_draws_of_a_row_do_not_depend_on_how_many_are_asked_for():
+    batch = plan.batch(3, seed=4)
+    for draw in (uniform, normal):
+        few, many = draw(batch, np.empty((2, 3))), draw(batch, np.empty((5, 3)))
+        assert np.array_equal(few, many[:2]) and np.array_equal(draw(batch, np.empty((3, 3))), many[:3])
+    drawn = normal(plan.batch(4000, threads=1), np.empty((3, 4000)))
+    assert np.abs(np.corrcoef(drawn) - np.eye(3)).max() < 0.06
+
+
+def test_intervals_do_not_depend_on_lengths_that_a_trainer_sets():
+    env = Task(limit=1000, terminate=None)
+    env.reset()
+    env.elapsed[:] = 900
+    env.step(np.zeros((5, 4), np.float32))
+    assert not env.touched.any()  # 0.05 s are three control steps
+
+
+@pytest.mark.parametrize("moment", ["start", "randomize", "reset"])
+def test_draws_of_events_do_not_depend_on_the_autoreset_mode(moment):
+    def masses_of_episodes(mode):
+        seen = []
+
+        def draw(env, which):
+            drawn = uniform(env.batch, np.empty((1, 2)))[0]
+            seen.append([(place, drawn[place]) for place in np.flatnonzero(which)])
+
+        env = Task(2, limit=3, terminate=None, autoreset_mode=mode, events={"draw": Event(draw, moment)})
+        env.reset(seed=4)
+        for _ in range(10):
+            ended = np.logical_or(*env.step(np.zeros((2, 4), np.float32))[2:4])
+            if mode == "Disabled" and ended.any():
+                env.reset(options={"reset_mask": ended})
+        return seen[:3]
+
+    assert masses_of_episodes("NextStep") == masses_of_episodes("SameStep") == masses_of_episodes("Disabled")
+
+
+def test_a_history_begins_anew_with_another_seed():
+    env, fresh = Task(), Task()
+    env.reset(seed=1)
+    assert np.array_equal(env.reset(seed=2)[0]["policy"], fresh.reset(seed=2)[0]["policy"])
+
+
+def test_observations_belong_to_one_environment():
+    shared = Observations({"policy": Group({"q": "q"}, history=2)})
+    one = Task(observe=shared)
+    with pytest.raises(ls.UsageError, match="belong to another environment"):
+        Task(observe=shared)
+    one.reset()
+    assert copy.deepcopy(one).step(np.zeros((5, 4), np.float32))[0].shape == (5, 2 * len(plan.dof_names))
+    del one
+    Task(7, observe=shared).reset()  # once the other is gone
+
+
+def test_bounds_are_rounded_as_what_they_bound():
+    env = VectorEnv(plan, 3, observe={"policy": {"q": Term(np.full(2, 9.0), clip=(-3.14159, 3.14159), scale=0.01)}})
+    assert env.observation_space.high[0, 0] == env.reset()[0][0, 0]
 
 
 def test_a_copy_goes_on_with_the_same_bits():
@@ -135,6 +194,8 @@ def test_a_copy_goes_on_with_the_same_bits():
 def test_the_form_of_stable_baselines3():
     with pytest.raises(ls.SettingsError, match="NextStep.*SameStep"):
         Sb3VecEnv(Task(autoreset_mode="NextStep"))
+    with pytest.raises(ls.SettingsError, match="copy: is False"):
+        Sb3VecEnv(Task(copy=False))
     env = Sb3VecEnv(Task(limit=3, terminate=None))
     assert env.seed(4) == [4] * 5 and set(env.reset()) == set(GROUPS)
     for _ in range(3):

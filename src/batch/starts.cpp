@@ -77,11 +77,19 @@ void Batch<S>::Impl::disturb_joints(int e, const PoseNoise& noise) {
     return own.size() > 0 ? static_cast<double>(own.data()[row * stride + e])
                           : model.value(Parameter::position_limits, row);
   };
+  const std::span balls(tables.balls.data, static_cast<std::size_t>(tables.balls.count));
+  const auto first_of = [&](const BallJoint& ball) { return tables.dof[ball.joint]; };
+  const auto is_of_ball = [&](int dof) {
+    return std::any_of(balls.begin(), balls.end(),
+                       [&](const BallJoint& ball) { return first_of(ball) <= dof && dof < first_of(ball) + 3; });
+  };
   Draws positions = draws(e, noise.stream, Purpose::position), velocities = draws(e, noise.stream, Purpose::velocity);
   for (const int dof : plan.independent_dofs()) {  // (M141)
     S& position = rows.position.data()[dof * stride + e];
     S& velocity = rows.velocity.data()[dof * stride + e];
-    const double at = static_cast<double>(position), lower = limit(2 * dof), upper = limit(2 * dof + 1);
+    const bool is_free = is_of_ball(dof);  // the range of a ball is that of its angle
+    const double at = static_cast<double>(position), lower = is_free ? -infinity : limit(2 * dof),
+                 upper = is_free ? infinity : limit(2 * dof + 1);
     const double share = std::isfinite(upper - lower) ? noise.spread : 0.0;
     const double down = noise.position + (share > 0.0 ? share * (at - lower) : 0.0),
                  up = noise.position + (share > 0.0 ? share * (upper - at) : 0.0);
@@ -89,10 +97,9 @@ void Batch<S>::Impl::disturb_joints(int e, const PoseNoise& noise) {
     position = static_cast<S>(least + (most - least) * positions.uniform(dof));
     velocity = static_cast<S>(static_cast<double>(velocity) + noise.velocity * (2.0 * velocities.uniform(dof) - 1.0));
   }
-  // A ball comes back into its range. (Its components have none of their own that could be spread over.)
-  const TableStructure& t = tables;
-  for (int b = 0; b < t.balls.count && noise.position > 0.0; ++b) {
-    const int first = t.dof[t.balls[b].joint];
+  if (noise.position == 0.0) return;
+  for (const BallJoint& ball : balls) {  // comes back into its range
+    const int first = first_of(ball);
     S* const part[] = {rows.position.data() + first * stride + e, rows.position.data() + (first + 1) * stride + e,
                        rows.position.data() + (first + 2) * stride + e};
     const double angle =

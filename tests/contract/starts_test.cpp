@@ -139,6 +139,23 @@ TEST(Starts, leave_a_pose_outside_its_range_there_and_take_it_no_farther) {
   EXPECT_LE(batch.positions().row(0).maxCoeff(), 1.5) << "the whole range";
 }
 
+TEST(Starts, draw_parts_of_balls_to_either_side_and_turn_balls_back_into_their_range) {
+  constexpr int many = 4000;
+  Model model;
+  model.links = {{"base", {}}, {"arm", Inertia::box(0.5, {0.1, 0.1, 0.1}, Eigen::Vector3d::Zero())}};
+  model.joints[static_cast<std::size_t>(model.add_ball("shoulder", "base", "arm"))].upper = 0.3;
+  Batch<double> batch(compile(model), many, {.threads = 1, .seed = 3});
+  for (const double most : {0.15, 0.5}) {
+    batch.reset_to(EnvironmentSet::all(), "", {.position = most});
+    for (int k = 0; k < 3; ++k) {
+      const auto part = batch.positions().row(k);
+      EXPECT_NEAR(part.mean(), 0.0, 4.0 * 0.3 / std::sqrt(3.0 * many)) << most << ' ' << k;
+      EXPECT_NEAR((part > 0.0).cast<double>().mean(), 0.5, 2.0 / std::sqrt(many)) << most << ' ' << k;
+    }
+    EXPECT_LE(batch.positions().matrix().colwise().norm().maxCoeff(), 0.3 * (1.0 + 1e-15));
+  }
+}
+
 TEST(Starts, draw_roots_in_the_worlds_axes_and_free_bodies_by_themselves) {
   constexpr int many = 4000;
   Batch<double> batch(plan(), many, {.threads = 1, .seed = 8});

@@ -107,6 +107,51 @@ TEST(MjcfExport, of_balls_is_read_again) {
   EXPECT_THROW(export_urdf(model), ModelError);
 }
 
+TEST(MjcfExport, says_which_effort_and_velocity_limits_mean_more_in_mujoco) {
+  Model model = fingers();
+  for (const int j : {0, 2}) model.joints[static_cast<std::size_t>(j)].effort_limit = 2.0;
+  const Model alone = model;
+  Joint belt;
+  belt.name = "belt", belt.kind = JointKind::tendon;
+  model.joints.push_back(belt);
+  model.couplings.push_back({"belt", {{"j0", -1.0}, {"j2", -1.0}}, 0.0, Hard{}});
+  const char* const line = "effort limits of joints that a driven tendon moves, which bound its force too in MuJoCo";
+  EXPECT_TRUE(warns(export_mjcf(model), string(line) + " (2): j0, j2"));
+  model = alone;
+  Joint cable = belt;
+  cable.effort = 1.0, cable.path = {{"", "l0", Eigen::Vector3d(0.2, 0.1, 1.0), Eigen::Vector3d(0.1, 0.0, 0.02)}};
+  model.joints.push_back(cable);
+  EXPECT_TRUE(warns(export_mjcf(model), string(line) + " (1): j0"));
+  model.joints.back().effort = 0.0;
+  EXPECT_TRUE(export_mjcf(model).warnings.empty()) << "it is not driven";
+
+  model = wrist();
+  const auto first = static_cast<std::size_t>(model.add_ball("grip", "hand", "tool"));
+  model.links.push_back({"tool", Inertia::box(0.3, {0.05, 0.1, 0.2}, {0.0, 0.02, 0.1})});
+  model.joints[first + 1].velocity_limit = 0.5;
+  model.joints[first + 2].drive = {.kp = 2.0, .kd = 0.1};
+  model.joints[first + 2].effort_limit = 1.5;
+  EXPECT_TRUE(warns(export_mjcf(model), "velocity limits, left out (1): grip.y"));
+  EXPECT_EQ(export_mjcf(model).warnings.size(), 1u);
+  model.joints[first + 2].effort = 0.1;
+  EXPECT_TRUE(warns(export_mjcf(model),
+                    "effort limits of parts of balls, which each of several actuators has to itself (1): grip.z"));
+}
+
+TEST(MjcfExport, keeps_what_delays_efforts) {
+  Model model = fingers();
+  model.joints[0].drive.delay = 5;
+  model.joints[2].drive.lag = 0.05;
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(made.warnings.empty()) << report_of(made);
+  const Model again = read(made);
+  const auto drive = [&](const char* joint) {
+    return again.joints[static_cast<std::size_t>(again.joint_index(joint))].drive;
+  };
+  EXPECT_EQ(drive("j0").delay, 5);
+  EXPECT_EQ(drive("j2").lag, 0.05);
+}
+
 TEST(MjcfExport, warns_of_nothing_that_it_says) {
   Model model = fingers();
   model.joints[0].drive = {.kp = 3.0, .kd = 0.2, .position_target = 0.1, .velocity_target = 0.5};

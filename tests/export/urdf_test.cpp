@@ -37,6 +37,7 @@ TEST(UrdfExport, says_what_it_cannot_say) {
   Joint& lead = model.joints[0];
   lead.drive.kp = 1.0, lead.effort = 1.0, lead.armature = 1.0, lead.stiffness = 1.0, lead.effort_limit = 0.0;
   lead.velocity = 1.0, lead.position = 0.2, lead.restitution = 0.5, lead.upper = 2.0;
+  model.joints[2].drive.delay = 3;
   model.joints[1].upper = 3.0, model.joints[1].limit_softness = Spring{1.0, 1.0};
   model.joints[2].lower = -1.0, model.joints[2].upper = 1.0, model.joints[2].limit_softness = Hard{0.1};
   model.couplings[0].softness = Frequency{30.0, 1.0};
@@ -54,7 +55,7 @@ TEST(UrdfExport, says_what_it_cannot_say) {
   const Export made = export_urdf(model);
   for (const char* line :
        {"gravity, left out (1): 0 0 -1.62", "shares of gravity, left out (1): base",
-        "velocities of roots, left out (1): base", "drives, left out (1): j0", "efforts, left out (1): j0",
+        "velocities of roots, left out (1): base", "drives, left out (2): j0, j2", "efforts, left out (1): j0",
         "armatures, left out (1): j0", "springs of joints, left out (1): j0",
         "effort limits of 0, which readers of URDF take for none (1): j0", "velocities of the start, left out (1): j0",
         "positions of the start, left out (1): j0", "restitution of position limits, left out (1): j0",

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -21,6 +22,7 @@ class Actuators {
   explicit Actuators(const Writing& writing)
       : model_(writing.model),
         layout_(writing.layout),
+        trees_(writing.trees),
         timestep_(writing.timestep),
         report_(writing.report),
         xml_(writing.xml) {
@@ -36,6 +38,9 @@ class Actuators {
     for (const Joint& joint : model_.joints)
       if (joint.moves()) add(joint);
     if (!controls_.empty()) xml_.close();
+    for (const int j : pulled_)
+      report_.warn("effort limits of joints that a driven tendon moves, which bound its force too in MuJoCo",
+                   model_.joints[static_cast<std::size_t>(j)].name);
     write_keys();
   }
 
@@ -49,6 +54,7 @@ class Actuators {
 
   void add(const Joint& joint) {
     const Drive& drive = joint.drive;
+    const std::size_t first = controls_.size();
     if (drive.kinematic) report_.warn("kinematic drives, left out", joint.name);
     if (drive.stall_effort < infinity)
       report_.warn("efforts of motors that fall with speed, kept as effort limits alone", joint.name);
@@ -59,9 +65,29 @@ class Actuators {
     if (drive.kd > 0.0 && (is_apart || drive.kp == 0.0)) write(joint, Aim::velocity, drive.kd, {0.0, 0.0, -drive.kd});
     const bool has_no_drive = drive.kp == 0.0 && drive.kd == 0.0 && !drive.kinematic;
     const bool is_limited = joint.effort_limit < infinity && (is_tendon(joint) || !followers_.contains(joint.name));
+    const bool is_late = drive.lag > 0.0 || drive.delay > 0;
     const bool is_motor =
-        has_no_drive && (is_limited || (is_tendon(joint) && !is_spatial(joint) && has_spring_alone(joint)));
+        has_no_drive && (is_limited || is_late || (is_tendon(joint) && !is_spatial(joint) && has_spring_alone(joint)));
     if (joint.effort != 0.0 || is_in_a_pose(joint, &NamedPose::efforts) || is_motor) write(joint, Aim::effort, 1.0, {});
+    if (joint.kind == JointKind::ball && joint.effort_limit < infinity && controls_.size() > first + 1)
+      report_.warn("effort limits of parts of balls, which each of several actuators has to itself", joint.name);
+  }
+
+  // Joints whose own effort limits MuJoCo takes for what a tendon does to them, too.
+  void note_limits_under(const Joint& tendon) {
+    const auto note = [&](int j) {
+      const Joint& joint = model_.joints[static_cast<std::size_t>(j)];
+      if (joint.effort_limit < infinity && joint.kind != JointKind::ball) pulled_.insert(j);
+    };
+    for (const Coupling& coupling : model_.couplings)
+      for (const CouplingTerm& term : coupling.terms)
+        if (coupling.joint == tendon.name) note(model_.joint_index(term.joint));
+    const auto carrier = [&](int link) { return trees_.parent_joint[static_cast<std::size_t>(link)]; };
+    for (const TendonSegment& segment : tendon.path)
+      for (const std::string& link : {segment.first, segment.second})
+        for (int j = link.empty() ? -1 : carrier(model_.link_index(link)); j >= 0;
+             j = carrier(trees_.joint_parent[static_cast<std::size_t>(j)]))
+          note(j);
   }
 
   enum class Aim { position, velocity, effort };
@@ -89,6 +115,7 @@ class Actuators {
     if (lag > 0.0) xml_.set("dyntype", "filterexact").set("dynprm", numbers(lag));
     if (delay > 0) xml_.set("delay", numbers(delay * timestep_)).set("nsample", std::to_string(delay));
     xml_.close();
+    if (is_tendon(joint)) note_limits_under(joint);
     controls_.push_back({&joint - model_.joints.data(), aim});
     report_.remark(controls_line, fmt::format("{} of {}", what, joint.name));
   }
@@ -186,10 +213,12 @@ class Actuators {
 
   const Model& model_;
   const Layout& layout_;
+  const Trees& trees_;
   const double timestep_;
   Report& report_;
   Xml& xml_;
   Names names_;
+  std::set<int> pulled_;  // limited joints under driven tendons
   std::unordered_set<std::string> followers_;
   std::unordered_map<std::string, double> offsets_;  // of the first coupling that a joint follows, or 0
   struct Control {

@@ -84,6 +84,8 @@ class World {
     for (double Joint::*number : {&Joint::damping, &Joint::armature, &Joint::friction, &Joint::stiffness})
       if (differs(number)) report_.warn("resistance of balls that differs by axis, written as along x", parts->name);
     write_resistance(*parts, 0.0, xml_, report_);
+    for (int k = 1; k < 3; ++k)
+      if (parts[k].velocity_limit < infinity) report_.warn("velocity limits, left out", parts[k].name);
     xml_.close();
   }
 

@@ -47,7 +47,10 @@ void report_losses(const Joint& joint, double start, Report& report) {
     if (has) report.warn(what, joint.name);
   };
   const bool has_range = joint.lower > -infinity || joint.upper < infinity;
-  lose(joint.drive.kp > 0.0 || joint.drive.kd > 0.0 || joint.drive.kinematic, "drives, left out");
+  const Drive& drive = joint.drive;
+  lose(drive.kp > 0.0 || drive.kd > 0.0 || drive.kinematic || drive.delay > 0 || drive.lag > 0.0 ||
+           drive.stall_effort < infinity,
+       "drives, left out");
   lose(joint.effort != 0.0, "efforts, left out");
   lose(joint.armature > 0.0, "armatures, left out");
   lose(joint.stiffness > 0.0, "springs of joints, left out");
