@@ -462,7 +462,7 @@ class LOCKSTEP_API Batch {
   Array row_states() const;
   /// [4][environments] of the last call of step(), J, (M65): work of servos, drives, springs, efforts and bounces;
   /// dissipated by damping and dry friction; work of the corrections of position; change of kinetic and potential
-  /// energy.
+  /// energy. Work of Parameter::link_wrench is in none of the first three.
   Array energy_balances() const;
   /// Names of the rows that could not be met in the last step because others contradict them: those whose residual is
   /// beyond rounding. Empty if all were met. Throws UsageError for an environment outside the batch.

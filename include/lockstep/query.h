@@ -72,7 +72,8 @@ enum class Quantity {
   site_acceleration,  ///< 6 rows by site, in its axes: the same at its origin
   joint_wrench,       ///< 6 rows by dof: force (N) and torque (N m) through the joint on its child link, about the
                       ///< link's origin and in its axes. What drives, limits, couplings and friction of the joint do
-                      ///< is part of it; loops hold apart from it. 0 of tendons
+                      ///< is part of it, and so is the pull of spatial tendons, as if it went through the joint;
+                      ///< loops hold apart from it. 0 of tendons
   height_scan  ///< by link, a row for each of Query::points: how high the link's origin is above the ground there, m.
                ///< The ground is what stands in the world: half-spaces, upright height fields, boxes. Infinite where
                ///< there is none. For plans with contacts

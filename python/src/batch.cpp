@@ -370,7 +370,8 @@ void bind_readbacks(Class& batch) {
   batch.def("row_states", &read_back<[](auto& b) { return b.row_states(); }>,
             "[num_envs, Plan.row_names] 0 inactive, 1 holds, 2 and -2 at its largest force; the same");
   batch.def("energy_balance", &read_back<[](auto& b) { return b.energy_balances(); }>,
-            "[num_envs, 4] work, dissipation, corrections, change of energy in the last step(), J; the same");
+            "[num_envs, 4] work, dissipation, corrections, change of energy in the last step(), J; the same. Work of "
+            "\"link_wrench\" is in none of the first three");
   batch.def(
       "site_jacobian",
       [](AnyBatch& b, const std::string& site) {

@@ -269,5 +269,50 @@ TEST(Midpoint, a_box_on_a_slope_stays_where_it_is_in_halves) {
   }
 }
 
+// A pendulum with a servo, and elsewhere a box at rest that has a contact.
+Model servo_and_box(bool box) {
+  Model model;
+  const Inertia hangs = Inertia::box(1.0, {0.1, 0.1, 0.4}, {0.0, 0.0, -0.4});
+  model.links = {{"base", {}}, {"arm", hangs}};
+  Joint joint;
+  joint.name = "joint", joint.kind = JointKind::revolute, joint.parent = "base", joint.child = "arm";
+  joint.axis = Eigen::Vector3d::UnitY();
+  joint.position = 0.5;
+  joint.drive = {.kp = 20.0, .kd = 0.5, .position_target = 0.2, .velocity_target = 0.5};
+  model.joints = {joint};
+  if (!box) return model;
+  model.links.push_back({"box", Inertia::box(1.0, {0.2, 0.2, 0.2}, Eigen::Vector3d::Zero())});
+  model.roots = {{"base"}, {"box", true, Pose(Eigen::Translation3d(5.0, 0.0, 0.1))}};
+  model.colliders = {{.name = "ground", .shape = Shape::half_space()},
+                     {.name = "box", .link = "box", .shape = Shape::box({0.2, 0.2, 0.2})}};
+  model.contacts = {{"ground", "box"}};
+  return model;
+}
+
+TEST(MidpointServos, with_inputs_of_each_stage_are_of_second_order) {
+  const auto end = [](bool box, int steps) {
+    constexpr double duration = 0.4;
+    StepSettings settings = leapfrog(steps / duration);
+    settings.stage_inputs = true;
+    const Plan plan = compile(servo_and_box(box), settings);
+    Batch<double> batch(plan, 1, {.threads = 1});
+    const std::vector<double> times = plan.stage_times();
+    for (int i = 0; i < steps; ++i) {
+      for (std::size_t s = 0; s < times.size(); ++s) {
+        const auto row = static_cast<Eigen::Index>(s) * plan.dofs();
+        const double t = (i + times[s]) * settings.dt;
+        batch.position_targets()(row, 0) = 0.2 + 0.6 * std::sin(6.0 * t);
+        batch.velocity_targets()(row, 0) = 3.6 * std::cos(6.0 * t);
+        batch.efforts()(row, 0) = 2.0 * std::cos(9.0 * t);
+      }
+      batch.step(1);
+    }
+    return batch.positions()(0, 0);
+  };
+  const double truth = end(false, 6400);
+  const double coarse = std::abs(end(true, 100) - truth), fine = std::abs(end(true, 200) - truth);
+  EXPECT_NEAR(std::log2(coarse / fine), 2.0, 0.15) << coarse << ' ' << fine;
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -90,6 +90,30 @@ TEST(LoopFrame, carries_a_welded_body_along) {
   EXPECT_THROW(compile(held_box(), varied(Integrator::leapfrog, {Parameter::loop_frame})), SettingsError);
 }
 
+// It has the velocity of the frame, too, and flies on with it when it is let go.
+TEST(LoopFrame, gives_its_velocity_to_the_body) {
+  Batch<double> batch(compile(held_box(), varied(Integrator::euler, {Parameter::loop_frame, Parameter::loop_switch})),
+                      5, {.threads = 1});
+  auto frame = batch.parameter(Parameter::loop_frame);
+  const Eigen::Array<double, 1, 5> start = frame.row(0);
+  const auto speed = [](int e) { return 0.05 + 0.6 * e; };  // m/s and rad/s
+  for (int i = 1; i <= 240; ++i) {
+    for (int e = 0; e < 5; ++e) {
+      const double half = 0.5 * speed(e) * i / 240.0;
+      frame(0, e) = start[e] + 2.0 * half;
+      frame(3, e) = std::cos(half), frame(6, e) = std::sin(half);
+    }
+    batch.step(1);
+  }
+  for (int e = 0; e < 5; ++e) {
+    EXPECT_NEAR(batch.root_velocities()(2, e), speed(e), 0.01 * speed(e)) << e;
+    EXPECT_NEAR(batch.root_velocities().col(e).tail(3).matrix().norm(), speed(e), 0.01 * speed(e)) << e;
+  }
+  batch.parameter(Parameter::loop_switch).setZero();
+  batch.step(1);
+  for (int e = 0; e < 5; ++e) EXPECT_NEAR(batch.root_velocities()(2, e), speed(e), 0.01 * speed(e)) << e;
+}
+
 // The axis of a hinge follows a frame that tilts, to another side in each environment.
 TEST(LoopFrame, carries_the_axis_of_a_hinge_along) {
   constexpr int environments = 6;

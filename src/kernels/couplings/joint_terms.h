@@ -51,6 +51,10 @@ LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const StatePointers
           T::load(batch.velocity_target + input)};
 }
 
+/// The share of the way from the first to the second of leapfrog's times at which the middle of the step is.
+template <class S>
+constexpr S middle_of_inputs = S((1 - 2 * alexander_gamma) / (1 - alexander_gamma));
+
 /// (M121), (M122): the servo as a solve over the step sees it. At a leapfrog's midpoint, in the lanes where its mean
 /// force acts, this is the servo of the end of the step that has this force: with kappa^2 kp and kappa kd.
 template <class T>
@@ -58,17 +62,23 @@ LOCKSTEP_INLINE Servo<T> servo_of_solve(const Tables<ScalarOf<T>>& t, const Stat
                                         const Tile<T>& x, int j, int time = 0) {
   using S = ScalarOf<T>;
   if (!t.solves_midpoint) return servo<T>(t, batch, x, j, time);
-  const bool several = t.input_times > 1;
-  const Servo<T> first = servo<T>(t, batch, x, j), last = several ? servo<T>(t, batch, x, j, t.input_times - 1) : first;
+  Servo<T> own = servo<T>(t, batch, x, j), middle = own;
   const auto halved = x.midpoint.halved[j];
   const T half = T(S(0.5)), h = T(t.dt), q = x.state.q[j], v = x.state.v[t.velocity_of(j)];
-  const T early = several ? T(S(0.5 - alexander_gamma)) : -half;  // from the time of the input to the middle
-  const T middle = fma(early * h, first.velocity, first.position), after = fma(half * h, last.velocity, last.position);
-  Servo<T> own = last;
-  own.kp = select(halved, half * half * last.kp, last.kp);
-  own.kd = select(halved, half * last.kd, last.kd);
-  own.position = select(halved, fma(h, v, fma(T(S(4)), middle, T(S(-3)) * q)), after);
-  own.velocity = select(halved, fma(T(S(2)), first.velocity, -v), last.velocity);
+  if (t.input_times > 1) {
+    const Servo<T> second = servo<T>(t, batch, x, j, 1);
+    const T share = T(middle_of_inputs<S>);
+    middle.position = fma(share, second.position - own.position, own.position);
+    middle.velocity = fma(share, second.velocity - own.velocity, own.velocity);
+    own = servo<T>(t, batch, x, j, t.input_times - 1);
+  } else {
+    middle.position = fma(-half * h, own.velocity, own.position);  // what is held is the target of the step's end
+  }
+  own.position = fma(half * h, own.velocity, own.position);
+  own.position = select(halved, fma(h, v, fma(T(S(4)), middle.position, T(S(-3)) * q)), own.position);
+  own.velocity = select(halved, fma(T(S(2)), middle.velocity, -v), own.velocity);
+  own.kp = select(halved, half * half * own.kp, own.kp);
+  own.kd = select(halved, half * own.kd, own.kd);
   return own;
 }
 
@@ -92,7 +102,10 @@ LOCKSTEP_INLINE T effort_limit(const Tables<ScalarOf<T>>& t, const StatePointers
 template <class T>
 LOCKSTEP_INLINE T feed_forward(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j,
                                int time = 0) {
-  return T::load(batch.effort + input_row(t, j, time) * batch.stride);
+  const auto at = [&](int own) LOCKSTEP_INLINED { return T::load(batch.effort + input_row(t, j, own) * batch.stride); };
+  if (!t.solves_midpoint || t.input_times == 1) return at(time);
+  const T first = at(0);
+  return fma(T(middle_of_inputs<ScalarOf<T>>), at(1) - first, first);
 }
 
 /// Turns the bias forces into dt times all forces (M15), with the inputs at one of the step's times. Runs after

@@ -41,11 +41,11 @@ LOCKSTEP_INLINE T closing_speed(const Tables<ScalarOf<T>>& t, const HeldLoop<Sca
   return t.solves_midpoint ? select(has_opened(loop, i, gap), speed, T(0)) : speed;
 }
 
-/// Lanes in which the speed of a push must not stay.
+/// Lanes in which the speed of a push must not stay. That of a frame that is moved is the speed of the frame.
 template <class T>
 LOCKSTEP_INLINE typename T::Mask closes_fast(const Tables<ScalarOf<T>>& t, const HeldLoop<ScalarOf<T>>& loop, int i,
                                              T gap) {
-  return loop.soft ? T::none() : beyond(closing_speed(t, loop, i, gap), T(ScalarOf<T>(slow_closing)));
+  return loop.soft || loop.moves ? T::none() : beyond(closing_speed(t, loop, i, gap), T(ScalarOf<T>(slow_closing)));
 }
 
 /// act(loop, its number, its first row of the rounds)

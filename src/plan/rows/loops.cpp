@@ -24,6 +24,7 @@ HeldLoop<double> held_loop(const Program& program, const Loop& loop) {
   put_pose(link.pose, held.link_rotation, held.link_offset);
   put_pose(turn, held.turn, none);
   held.soft = !is_hard(loop.softness);
+  held.moves = declared(program, Parameter::loop_frame);
   return held;
 }
 

@@ -16,6 +16,7 @@ struct LoopStructure {
   int column, columns;  ///< in LoopTables::columns
   int value;            ///< its first entry of J, row by row
   bool soft;            ///< its compliance is stated
+  bool moves;           ///< each environment has a frame of its own, which may be moved between steps
   inline __attribute__((always_inline)) int rows() const { return translations + rotations; }
 };
 template <class S>
