@@ -9,8 +9,14 @@
 #include "export/mechanism.h"
 #include "lockstep/error.h"
 #include "lockstep/export_model.h"
+#include "lockstep/import.h"
 
 namespace lockstep {
+
+/// What the importer makes of exported MJCF.
+inline Model read(const Export& made, const std::string& keyframe = "start") {
+  return import_mjcf(made.text, "exported", {.colliders = true, .keyframe = keyframe}).model;
+}
 
 /// Hinges j0 and j1 and slide j2, side by side on a bolted base; j1 = 2 j0 + 0.1 at the start, too.
 inline Model fingers() {
