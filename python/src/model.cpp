@@ -92,17 +92,16 @@ JointKind kind_of(const py::handle& joint) {
 
 Softness softness_of(const py::handle& element, const char* attribute) {
   const py::object softness = element.attr(attribute);
-  const auto numbers = [&](const char* first, const char* second) {
-    std::pair<double, double> both;
-    read(softness, first, both.first);
-    if (second) read(softness, second, both.second);
-    return both;
+  const auto number = [&](const char* name) {
+    double value = 0.0;
+    read(softness, name, value);
+    return value;
   };
   const auto is = [&](const char* name) { return py::isinstance(softness, python_class(name)); };
-  if (is("Hard")) return Hard{numbers("erp", nullptr).first};
-  if (is("ErpCfm")) return std::make_from_tuple<ErpCfm>(numbers("erp", "cfm"));
-  if (is("Spring")) return std::make_from_tuple<Spring>(numbers("kp", "kd"));
-  if (is("Frequency")) return std::make_from_tuple<Frequency>(numbers("rad_per_s", "damping_ratio"));
+  if (is("Hard")) return Hard{number("erp")};
+  if (is("ErpCfm")) return ErpCfm{number("erp"), number("cfm")};
+  if (is("Spring")) return Spring{number("kp"), number("kd")};
+  if (is("Frequency")) return Frequency{number("rad_per_s"), number("damping_ratio")};
   refuse(element, attribute);
 }
 
