@@ -72,14 +72,14 @@ WORDS = {
     "Environments":
         "chain8, `reduced`, f32, AVX2, by the number of environments.",
     "Steps per call":
-        "`reduced`, f32, AVX2, automatic engine.",
+        "`reduced`, f32, AVX2, automatic engine (then an interpreter).",
     "Joints and couplings":
-        "f32, AVX2, automatic engine. Chains by `reduced`:",
+        "f32, AVX2, automatic engine (then an interpreter). Chains by `reduced`:",
     "Features":
-        "A chain of eight joints with one feature more at a time, f32, AVX2, automatic engine: compiled code, "
-        "and the tables where all couplings are soft.",
+        "A chain of eight joints with one feature more at a time, f32, AVX2, automatic engine: then an "
+        "interpreter, and the tables where all couplings are soft.",
     "Bounds":
-        "f32, AVX2, automatic engine: compiled code, and the tables where there is friction or a servo with a "
+        "f32, AVX2, automatic engine: then an interpreter, and the tables where there is friction or a servo with a "
         "limited effort. Every joint has the bound. In brackets: how many times the time of a step without bounds. "
         "Timed are the first hundred steps of the motion, again and again.",
     "Robots from files":

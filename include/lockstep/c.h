@@ -134,7 +134,7 @@ LOCKSTEP_C_API void lockstep_plan_free(lockstep_plan* plan);
 enum {
   LOCKSTEP_DOFS = 0,        /* moving joints, in the order of positions */
   LOCKSTEP_INDEPENDENT = 1, /* those that couplings leave free */
-  LOCKSTEP_DRIVEN = 2,      /* those of them that have a drive: the rows of actions */
+  LOCKSTEP_DRIVEN = 2,      /* joints, followers and tendons with a drive: the rows of actions */
   LOCKSTEP_COUPLINGS = 3,
   LOCKSTEP_LINKS = 4,
   LOCKSTEP_SITES = 5,
@@ -157,7 +157,7 @@ typedef struct {
   uint32_t first_id; /* environments have the ids first_id, first_id + 1 ... */
   uint64_t seed;     /* of random numbers */
   int64_t environments;
-  int32_t threads;   /* 1: the calling one; 0: all cores */
+  int32_t threads;   /* 1: the calling one; 0: as many as the process may use */
   int32_t precision; /* 32 or 64 */
 } lockstep_options;
 
@@ -299,7 +299,7 @@ enum {
   LOCKSTEP_READ_CONTACT_SLIP = 14,
   LOCKSTEP_READ_CONTACT_POINT = 15, /* 11 rows by slot: point, normal, force, gap, speed along the surface */
   LOCKSTEP_READ_UNFINISHED_CONTACTS = 16,
-  LOCKSTEP_READ_SOLVE_COUNTS = 17,       /* 11 rows: what the last step has spent on contacts, see query.h */
+  LOCKSTEP_READ_SOLVE_COUNTS = 17,       /* 11 rows: what the last call of step has spent on contacts, see query.h */
   LOCKSTEP_READ_LOOP_ERROR = 18,         /* 2 rows by loop: distance, angle */
   LOCKSTEP_READ_LOOP_FORCE = 19,         /* 6 rows by loop: force, torque on the second link, world axes */
   LOCKSTEP_READ_LINK_TWIST = 20,         /* 6 rows: the velocity in the link's axes */

@@ -101,8 +101,8 @@ struct StepSettings {
   bool record_accelerations = false;
   /// The largest eta of a step, > 0; infinity switches the guard off. eta is the part of the momentum that a step
   /// misses because velocities change within it: (M91) in docs/mathematics.md. Environments above it take the step in
-  /// halves, quarters ... down to 1/32, if the integrator is leapfrog. What is too coarse even then is frozen with
-  /// Fault::too_fast.
+  /// halves, quarters ... down to 1/32, if the integrator is leapfrog. What is above ten times this even then is frozen
+  /// with Fault::too_fast.
   double guard = 0.01;
   ContactSettings contacts = {};
   /// rad or m; an environment beyond it is frozen with Fault::diverged. It is not for joints that turn for ever.

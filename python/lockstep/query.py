@@ -32,7 +32,7 @@ class Query:
     contact_gap, contact_slip            pairs   1: m, m/s
     contact_point                        -       11 for each slot: point, normal, force, gap, speed along the surface
     unfinished_contacts                  -       1
-    solve_counts                         -       11: of the last step: steps, pairs near, points live, points pressing,
+    solve_counts                         -       11: of the last call of step(): steps, pairs near, points live, points pressing,
                                                  solves, passes, rounds, trials; points, rounds, trials of the tile
 
     With compile(record_efforts=True):

@@ -74,7 +74,7 @@ constexpr Entry entries[] = {
     {{"settings.environments", "the number of environments of a batch",
       "give 1 or more, as many as there is memory for"},
      {"environments"}},
-    {{"settings.threads", "BatchOptions::threads", "give 0 (all cores), 1, or a number of threads"}, {"threads"}},
+    {{"settings.threads", "BatchOptions::threads", "give 0 (as many as the process may use), 1, or a number of threads"}, {"threads"}},
     {{"settings.memory_domain", "BatchOptions::memory_domain",
       "give -1, or a domain that this process sees; oneTBB sees them if it finds hwloc"},
      {"memory_domain"}},
@@ -155,7 +155,7 @@ constexpr Entry entries[] = {
     {{"fault.bad_value", "a field has a value that no model could have, or a root's quaternion is 0",
       "keep parameters in the ranges of Parameter; Batch::explain_fault() names the row"}},
     {{"fault.too_fast", "the motion is too fast for the step, so its energy would not be right",
-      "take a smaller dt, leapfrog, or more damping; StepSettings::guard is the threshold"}},
+      "take a smaller dt, leapfrog, or more damping; ten times StepSettings::guard is the threshold"}},
     {{"fault.bad_input", "an action was NaN", "give finite actions"}},
 };
 

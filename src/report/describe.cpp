@@ -278,7 +278,7 @@ std::string bounds_lines(const Program& program) {
           exact ? "active ones solved exactly through the couplings" : "active ones swept after the couplings");
     }
     if (program.f64.rounds.slots.count > 0)
-      text += fmt::format("; {} over several velocities, where drives yield first, then limits",
+      text += fmt::format("; {} over several velocities, where drives yield first, then loops, then limits",
                           count_of(program.f64.rounds.slots.count, "row", "rows"));
     else if (b.may_depend)
       text += "; hard ones that contradict each other share the violation";

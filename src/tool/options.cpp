@@ -118,7 +118,7 @@ void ModelOptions::add_to(CLI::App& app) {
       [](const std::string& text) { return named(all_loops, text, "--loops", "choices"); },
       "MJCF: leave_out reads the trees without connect and weld")
       ->type_name("CHOICE")
-      ->default_str("refuse");
+      ->default_str("keep");
   add_parsed(
       app, "--soft", import.soft, [](const std::string& text) { return named(all_soft, text, "--soft", "choices"); },
       "MJCF: as_in_file leaves couplings as soft as the file says")

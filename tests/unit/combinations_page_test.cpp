@@ -64,7 +64,7 @@ Table table() {
           "| --- | --- | --- | --- | --- | --- | --- |\n"
        << rows.str() << "\n";
   for (std::size_t i = 0; i < obstacles.size(); ++i) page << i + 1 << ". " << obstacles[i] << "\n";
-  page << "\n`LOCKSTEP_WRITE_PAGES=1 ctest -R CombinationsPage` writes this page.\n";
+  page << "\n`LOCKSTEP_WRITE_PAGES=1 ctest --preset release -R CombinationsPage` writes this page.\n";
   result.page = page.str();
   return result;
 }
