@@ -58,7 +58,7 @@ enum class Parameter : unsigned {
   center_of_mass,   ///< three rows per link of the model: x, y, z in the link's frame, m
   inertia,  ///< six rows per link of the model: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, kg m^2, in
             ///< the link's axes. They do not scale with the mass then
-  contact_friction,  ///< one row per contact, as in Plan::contacts(): Coulomb's coefficient of the pair
+  contact_friction,  ///< one row per contact, as in Plan::contacts(): Coulomb's coefficient of the pair, 0 to 100
   loop_switch,       ///< one row per loop: 0 is off, anything else is on; 1 at the start
   loop_frame,        ///< seven rows per loop: Loop::first_pose as x, y, z in m and a quaternion w, x, y, z of any
                      ///< length from 0.001 to 1000; not by leapfrog

@@ -132,9 +132,10 @@ LOCKSTEP_API Import import_urdf(const std::string& text, const std::string& sour
 /// Reads MJCF, MuJoCo's XML, as MuJoCo 3.3 does (docs/importing.md has the details). Files that it includes
 /// or attaches must lie in its folder or in ImportOptions::file_roots. Mesh files, STL, OBJ or MSH, are opened where
 /// colliders or the inertia of a moving body ask for them. Throws ImportError where the text is no MJCF, a mesh cannot
-/// be had, or where its mechanism would be another one without what lockstep lacks: sums of joints that are not linear. Throws ModelError where the mechanism is impossible. Both name file and line. SettingsError as
-/// above, and where the keyframe or the body does not exist. What only drives or resists the mechanism and cannot be
-/// had is a warning. The Model is validated. Thread-safe.
+/// be had, or where its mechanism would be another one without what lockstep lacks: sums of joints that are not linear.
+/// Throws ModelError where the mechanism is impossible. Both name file and line. SettingsError as above, and where the
+/// keyframe or the body does not exist. What only drives or resists the mechanism and cannot be had is a warning. The
+/// Model is validated. Thread-safe.
 LOCKSTEP_API Import import_mjcf_file(const std::string& path, const ImportOptions& options = {});
 
 /// The same from text, which cannot include files; `source` names it in errors.

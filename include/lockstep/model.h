@@ -251,7 +251,7 @@ struct Collider {
   std::string link = {};  ///< empty: it stands in the world
   Shape shape = {};
   Pose pose = Pose::Identity();  ///< in the link's frame, or in the world's
-  double friction = 0.5;         ///< Coulomb's coefficient, >= 0. A pair has the geometric mean of both
+  double friction = 0.5;         ///< Coulomb's coefficient, 0 to 100. A pair has the geometric mean of both
   double restitution = 0.0;      ///< share of the speed that an impact gives back, 0 to 1. A pair has the larger one
   /// How far contacts yield, section 23 of docs/mathematics.md. Hard ones yield by a thousandth of what the mass that
   /// they move would, and lose the share `erp` of an overlap per step.

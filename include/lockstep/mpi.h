@@ -219,8 +219,8 @@ class Ranks {
   class Block {
    public:
     Block(MPI_Datatype number, std::size_t number_bytes, std::int64_t rows, int count, Eigen::Index stride) {
-      MPI_Type_create_hvector(static_cast<int>(rows), count, static_cast<MPI_Aint>(stride * number_bytes), number,
-                              &type_);
+      MPI_Type_create_hvector(static_cast<int>(rows), count,
+                              static_cast<MPI_Aint>(stride) * static_cast<MPI_Aint>(number_bytes), number, &type_);
       MPI_Type_commit(&type_);
     }
     ~Block() { MPI_Type_free(&type_); }

@@ -29,8 +29,8 @@ enum class Quantity {
   kinetic_energy,    ///< one row, J
   potential_energy,  ///< one row, J
   // Of contacts, by pair of Plan::contacts() or by its slots. Forces are those of the last step, whatever was written
-  // since, and 0 after a reset; of a step that a leapfrog takes in parts, those of the last part. The rest is that of
-  // the present state. A gap is infinite where the colliders are not near.
+  // since, and 0 after a reset; of a step that a leapfrog takes in parts, those of the last part (records of a call
+  // have the whole step). The rest is that of the present state. A gap is infinite where the colliders are not near.
   contact_force,         ///< 3 rows by pair: on its second collider, N, world axes
   contact_normal_force,  ///< by pair, the sum over its points, N, >= 0
   contact_gap,           ///< by pair, the least one, m; negative where the colliders overlap

@@ -8,7 +8,8 @@ from typing import Optional, Sequence
 @dataclass(frozen=True)
 class Query:
     """A quantity of some joints, links or sites, times `scale`. rows: their names; None is all of them. points: of a
-    height_scan, x and y of each from the link's origin, m, along where its x axis looks seen from above, and to the left.
+    height_scan, x and y of each from the link's origin, m, along where its x axis looks seen from above, and to the
+    left.
 
     quantity                             rows    columns for each
     q, qd, q_target, qd_target, effort   joints  1
@@ -27,13 +28,15 @@ class Query:
     loop_force                           loops   6: force, N, and torque, N m, on the second link, world axes
     root_pose, root_twist                -       7, 6 for each floating root
     kinetic_energy, potential_energy     -       1
-    contact_force                        pairs   3: on the second collider, N, world axes
+    contact_force                        pairs   3: on the second collider, N, world axes; of a step that a leapfrog
+                                                 takes in parts (fast motion), that of the last part
     contact_normal_force                 pairs   1: N
     contact_gap, contact_slip            pairs   1: m, m/s
     contact_point                        -       11 for each slot: point, normal, force, gap, speed along the surface
     unfinished_contacts                  -       1
-    solve_counts                         -       11: of the last call of step(): steps, pairs near, points live, points pressing,
-                                                 solves, passes, rounds, trials; points, rounds, trials of the tile
+    solve_counts                         -       11: of the last call of step(): steps, pairs near, points live, points
+                                                 pressing, solves, passes, rounds, trials; points, rounds, trials of
+                                                 the tile
 
     With compile(record_efforts=True):
     drive_effort                         joints  1: mean over the last step, after the limit, N m or N

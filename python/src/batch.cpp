@@ -367,8 +367,10 @@ void bind_readbacks(Class& batch) {
             "[num_envs, couplings] of the last step, N m s or N s; needs compile(record_impulses=True)");
   batch.def("row_residuals", &read_back<[](auto& b) { return b.row_residuals(); }>,
             "[num_envs, Plan.row_names] what the last step left of each condition; needs compile(diagnostics=True)");
-  batch.def("row_states", &read_back<[](auto& b) { return b.row_states(); }>,
-            "[num_envs, Plan.row_names] 0 inactive, 1 holds, 2 and -2 at its largest force; the same");
+  batch.def(
+      "row_states", &read_back<[](auto& b) { return b.row_states(); }>,
+      "[num_envs, Plan.row_names] 0 inactive, 1 holds, -1 the upper end of a limit, 2 and -2 at its largest force; "
+      "the same");
   batch.def("energy_balance", &read_back<[](auto& b) { return b.energy_balances(); }>,
             "[num_envs, 4] work, dissipation, corrections, change of energy in the last step(), J; the same. Work of "
             "\"link_wrench\" is in none of the first three");

@@ -241,7 +241,7 @@ void bind_planning(py::class_<AnyBatch>& batch) {
             "iterations"_a = 100, "tolerance"_a = 1e-6,
             "Writes q so that the site comes as near to its target as it can from where it is, within the ranges; "
             "followers are placed. targets: [num_envs, 3] positions, m, or [num_envs, 7] poses. Returns what is left, "
-            "[num_envs, 2]: distance, m, and angle, rad.");
+            "[num_envs, 2]: distance, m, and angle, rad; 0 for others than `which`.");
   batch.def("mass_matrix", &mass_matrix, "which"_a = py::none(),
             "[k, n, n] of each of k environments in independent coordinates: the six velocities of each floating root, "
             "as root_twist, then the joints Plan.open_coordinates. Followers, functions and tendons are in it with "

@@ -221,7 +221,10 @@ auto Batch<S>::coupling_errors() const -> Array {
 
 template <class S>
 auto Batch<S>::loop_errors() const -> Array {
-  return impl().read(kernels::Quantity::loop_errors, 2 * impl().tables.loops.loops.count);
+  Array errors = impl().read(kernels::Quantity::loop_errors, 2 * impl().tables.loops.loops.count);
+  for (Eigen::Index row = 1; row < errors.rows(); row += 2)
+    errors.row(row) = errors.row(row).unaryExpr(&angle_of_gap<S>);
+  return errors;
 }
 
 template <class S>

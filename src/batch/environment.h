@@ -16,7 +16,8 @@ namespace lockstep {
 struct CouplingError {
   double value = 0.0, size = 0.0;
   void add(const CouplingError& other) { value += other.value, size += other.size; }
-  bool is_rounding(double share) const { return std::abs(value) <= share * size; }
+  /// What is left of velocities that are 0 is, too.
+  bool is_rounding(double share) const { return std::abs(value) <= share * size + 1e-20; }
 };
 
 /// Positions or velocities of environment e, and the numbers that it has of its own.

@@ -192,7 +192,8 @@ struct Batch<S>::Impl {
   void reset(int e, bool keep_inputs) { reset(e, keep_inputs, start); }
   void reset(int e, bool keep_inputs, const BatchRows<S, Numbers>& to) {
     const auto wanted = [&](RowKind kind) {
-      return kind == RowKind::state || kind == RowKind::memory || (kind == RowKind::input && !keep_inputs);
+      return kind == RowKind::state || kind == RowKind::memory || kind == RowKind::reading ||
+             (kind == RowKind::input && !keep_inputs);
     };
     begin(e, wanted, to);
     settle_drives(e);

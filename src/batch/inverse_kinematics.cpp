@@ -11,7 +11,11 @@ namespace lockstep {
 namespace {
 
 constexpr double first_damping = 1e-3, least_damping = 1e-9, most_damping = 1e9;
-constexpr double at_end = 1e-9;  // rad or m: a joint this near to an end of its range is there
+/// A joint this near to an end of its range is there, rad or m: that may lie between two numbers of the batch.
+template <class S>
+double near_end(double end) {
+  return std::max(1e-9, 4.0 * static_cast<double>(std::numeric_limits<S>::epsilon()) * std::abs(end));
+}
 
 // The search in one environment.
 struct Search {
@@ -185,9 +189,9 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
         step = damped_step(jacobian, search.error, held, search.damping), way = moves * step;
         for (int dof = 0; dof < dofs; ++dof) {
           if (is_of_ball[static_cast<std::size_t>(dof)]) continue;
-          const double q = search.position[dof];
-          const bool outwards = (way[dof] < 0.0 && q <= end_of_range(dof, 0, e) + at_end) ||
-                                (way[dof] > 0.0 && q >= end_of_range(dof, 1, e) - at_end);
+          const double q = search.position[dof], end = end_of_range(dof, way[dof] < 0.0 ? 0 : 1, e);
+          const bool outwards =
+              (way[dof] < 0.0 && q <= end + near_end<S>(end)) || (way[dof] > 0.0 && q >= end - near_end<S>(end));
           if (!outwards || is_held[static_cast<std::size_t>(dof)]) continue;
           is_held[static_cast<std::size_t>(dof)] = 1, found = true;
           held.conservativeResize(held.rows() + 1, columns);
@@ -216,8 +220,9 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
         for (const int end : {0, 1}) {
           if (is_of_ball[static_cast<std::size_t>(dof)]) break;
           const double sign = end == 1 ? 1.0 : -1.0, limit = end_of_range(dof, end, ids[i]);
-          kept = kept && sign * (now[dof] - limit) <=
-                             std::max(at_end, sign * (search.position[dof] - limit)) + rounding<S> * std::abs(limit);
+          kept =
+              kept && sign * (now[dof] - limit) <= std::max(near_end<S>(limit), sign * (search.position[dof] - limit)) +
+                                                       rounding<S> * std::abs(limit);
         }
       if (kept)
         search.error = error, search.position = now, search.damping = std::max(least_damping, 0.2 * search.damping);

@@ -16,6 +16,7 @@ namespace {
 
 constexpr double coarsest_tolerance = 1e-8;
 constexpr int most_copies = 512;  // at once
+constexpr double slipped = 2e-3;  // rad or m: the error of what has a force limit and did not hold
 
 void check_options(const Plan& plan, const LinearizeOptions& options) {
   if (options.substeps < 1)
@@ -50,6 +51,10 @@ void check_options(const Plan& plan, const LinearizeOptions& options) {
 
 template <class S>
 void check_loops_hold(const Plan& plan, const StatePointers<S>& rows, std::span<const int> ids) {
+  for (const Loop& loop : plan.model().loops)
+    if (!is_hard(loop.softness))
+      throw UsageError("loop '" + loop.name + "'", "is soft, so its joints are coordinates of their own",
+                       "make it hard, or leave it out");
   const S* const on = rows.field(Parameter::loop_switch);
   if (!on) return;
   for (std::size_t l = 0; l < plan.loops().size(); ++l)
@@ -58,6 +63,29 @@ void check_loops_hold(const Plan& plan, const StatePointers<S>& rows, std::span<
         throw UsageError(fmt::format("environment {}", e),
                          "has the loop '" + plan.loops()[l].name + "' off, so its joints are free",
                          "switch it on, or compile a model without it");
+}
+
+// Errors: of couplings, then of loops; of others than `ids` whatever.
+template <class Errors>
+void check_nothing_slipped(const Plan& plan, const Errors& couplings, const Errors& loops, std::span<const int> ids) {
+  const auto check = [&](const std::string& name, double limit, const auto& error_of) {
+    if (!(limit < infinity)) return;
+    for (const int e : ids)
+      if (error_of(e) > slipped)
+        throw UsageError(fmt::format("environment {}", e),
+                         fmt::format("has {} slipped, by {:.3g}, so its joints are free", name, error_of(e)),
+                         "raise its force limit, or linearize where it holds");
+  };
+  const Model& model = plan.model();
+  const std::vector<std::string> names = coupling_names(model);
+  for (std::size_t c = 0; c < model.couplings.size(); ++c)
+    check("the coupling '" + names[c] + "'", model.couplings[c].force_limit,
+          [&](int e) { return std::abs(static_cast<double>(couplings(static_cast<Eigen::Index>(c), e))); });
+  for (std::size_t l = 0; l < model.loops.size(); ++l)
+    check("the loop '" + model.loops[l].name + "'", std::min(model.loops[l].force_limit, model.loops[l].torque_limit),
+          [&](int e) {
+            return static_cast<double>(loops.col(e).segment(2 * static_cast<Eigen::Index>(l), 2).maxCoeff());
+          });
 }
 
 // A limit that is infinite, or a number that may be no other, has no difference.
@@ -140,13 +168,7 @@ class Differences {
   Eigen::VectorXd state_difference(const States& all, int forwards, int backwards) const {
     const auto dofs = static_cast<Eigen::Index>(dofs_.size());
     Eigen::VectorXd difference(states());
-    Eigen::VectorXd ahead = all.angles.col(forwards).matrix();
-    const TableStructure& t = program_of(plan_).f64;
-    for (int b = 0; b < t.balls.count; ++b) {  // both vectors of a turn on one side of pi
-      auto own = ahead.segment<3>(t.dof[t.balls[b].joint]);
-      if ((own - all.angles.col(backwards).segment<3>(t.dof[t.balls[b].joint]).matrix()).norm() > std::numbers::pi)
-        own *= 1.0 - 2.0 * std::numbers::pi / own.norm();
-    }
+    const Eigen::VectorXd ahead = beside(all.angles.col(forwards).matrix(), all.angles.col(backwards).matrix());
     for (Eigen::Index k = 0; k < dofs; ++k) {
       const int dof = dofs_[static_cast<std::size_t>(k)];
       difference[k] = ahead[dof] - all.angles(dof, backwards) +
@@ -165,9 +187,11 @@ class Differences {
     return difference;
   }
 
-  /// Of the rows of the queries. A quaternion and its opposite are the same turn.
+  /// Of the rows of the queries. A quaternion and its opposite are the same turn. What is infinite in both is equal.
   Eigen::VectorXd record_difference(const States& all, int forwards, int backwards) const {
     Eigen::VectorXd difference = (all.record.col(forwards) - all.record.col(backwards)).matrix();
+    for (Eigen::Index k = 0; k < difference.size(); ++k)
+      if (all.record(k, forwards) == all.record(k, backwards)) difference[k] = 0.0;
     int row = 0;
     for (const Query& query : options_.record) {
       const int end = row + plan_.query_rows(query);
@@ -178,6 +202,11 @@ class Differences {
                               b = all.record.col(backwards).segment<4>(k).matrix();
         if (a.dot(b) < 0.0) difference.segment<4>(k) = a + b;
       }
+      if (query.quantity == Quantity::position) {
+        const Eigen::VectorXd behind = all.record.col(backwards).segment(row, end - row).matrix();
+        difference.segment(row, end - row) =
+            beside(all.record.col(forwards).segment(row, end - row).matrix(), behind) - behind;
+      }
       row = end;
     }
     return difference;
@@ -186,6 +215,17 @@ class Differences {
  private:
   static Eigen::Quaterniond quaternion(const Batch<double>::Array& rows, int first, int e) {
     return Eigen::Quaterniond(rows(first, e), rows(first + 1, e), rows(first + 2, e), rows(first + 3, e)).normalized();
+  }
+
+  // Positions `ahead`, with the vectors of balls' turns on the side of pi of those `behind`.
+  Eigen::VectorXd beside(Eigen::VectorXd ahead, const Eigen::VectorXd& behind) const {
+    const TableStructure& t = program_of(plan_).f64;
+    for (int b = 0; b < t.balls.count; ++b) {
+      auto own = ahead.segment<3>(t.dof[t.balls[b].joint]);
+      if ((own - behind.segment<3>(t.dof[t.balls[b].joint])).norm() > std::numbers::pi)
+        own *= 1.0 - 2.0 * std::numbers::pi / own.norm();
+    }
+    return ahead;
   }
 
   // Along or about an axis of its own.
@@ -258,6 +298,7 @@ std::vector<Linearization> Batch<S>::linearize(const EnvironmentSet& which, cons
     which.for_each(own.environments, [&](int e) { ids.push_back(e); });
     check_couplings_hold(own.plan, own.state_pointers(), ids);
     check_loops_hold(own.plan, own.state_pointers(), ids);
+    check_nothing_slipped(own.plan, coupling_errors(), loop_errors(), ids);
     const Differences differences(own.plan, options, own.rules);
     const std::vector<std::byte> bytes = save(ids);
     const Blob blob = read_blob(bytes);
@@ -290,10 +331,11 @@ std::vector<Linearization> Batch<S>::linearize(const EnvironmentSet& which, cons
           require_difference(options.parameters[static_cast<std::size_t>(k)], forwards, backwards,
                              ids[static_cast<std::size_t>((first + i) / columns)]);
       }
-      if (const auto unmet = workspace.project(used); !unmet.empty())
-        throw UsageError(
-            fmt::format("environment {}", ids[static_cast<std::size_t>((first + unmet[0].environment / 2) / columns)]),
-            "has a coupling or loop that cannot be met", "see Batch::project()");
+      for (const UnmetCoupling& unmet : workspace.project(used))
+        if (workspace.faults()[static_cast<std::size_t>(unmet.environment)] == Fault::none)
+          throw UsageError(
+              fmt::format("environment {}", ids[static_cast<std::size_t>((first + unmet.environment / 2) / columns)]),
+              "has a coupling or loop that cannot be met", "see Batch::project()");
       const auto start = differences.states_of(workspace, false);
       workspace.step(options.substeps);
       const auto end = differences.states_of(workspace, true);

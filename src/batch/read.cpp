@@ -103,7 +103,7 @@ class Batch<S>::Impl::TileReader {
       case Quantity::contact_mean_force: return copy_mean_forces(query, elements);
       case Quantity::joint_acceleration: return copy(query, elements, tile_.acceleration, 1);
       case Quantity::coupling_error: return compute(query, elements, kernels::Quantity::coupling_errors, 1);
-      case Quantity::loop_error: return compute(query, elements, kernels::Quantity::loop_errors, 2);
+      case Quantity::loop_error: return answer_loop_errors(query, elements);
       case Quantity::kinetic_energy: return compute(query, elements, kernels::Quantity::kinetic_energy, 1);
       case Quantity::potential_energy: return compute(query, elements, kernels::Quantity::potential_energy, 1);
       default: break;
@@ -289,6 +289,15 @@ class Batch<S>::Impl::TileReader {
   void compute(const Query& query, int elements, kernels::Quantity quantity, int rows_of_each) {
     batch_.kernels.read(batch_.tables, tile_, 0, lanes_, {quantity}, numbers_, lanes_, scratch_);
     for_each_element(query, elements, [&](int i) { put(numbers_ + rows_of_each * i * lanes_, rows_of_each, lanes_); });
+  }
+
+  void answer_loop_errors(const Query& query, int elements) {
+    batch_.kernels.read(batch_.tables, tile_, 0, lanes_, {kernels::Quantity::loop_errors}, numbers_, lanes_, scratch_);
+    for_each_element(query, elements, [&](int i) {
+      S* const angles = numbers_ + (2 * i + 1) * lanes_;
+      std::transform(angles, angles + lanes_, angles, &angle_of_gap<S>);
+      put(numbers_ + 2 * i * lanes_, 2, lanes_);
+    });
   }
 
   void scan_heights(const Query& query, const S* frame) {

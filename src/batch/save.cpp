@@ -72,14 +72,14 @@ bool is_known(const FaultPlace& place, int dofs) {
 
 }  // namespace
 
-// What is saved of a batch: all rows but results.
+// What is saved of a batch: all rows but results and readings.
 template <class S>
 auto Batch<S>::Impl::saved_rows() const -> std::vector<SavedRows> {
   std::vector<SavedRows> all;
   each_block(
       tables,
       [&]<class E>(const BatchBlock& block, const AlignedBlock<E>& own) {
-        if (block.kind == RowKind::result) return;
+        if (block.kind == RowKind::result || block.kind == RowKind::reading) return;
         SavedRows saved{block.parameter < 0 ? block.name : to_string(Parameter(block.parameter)),
                         block.kind,
                         block.rows,
@@ -192,11 +192,12 @@ void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::s
       copy_row(bytes, section.data + static_cast<std::size_t>(row) * static_cast<std::size_t>(saved) * bytes, from,
                targets[i]->data + static_cast<std::size_t>(row * stride) * bytes, into);
   }
-  if (same_settings) return;
   for (const int id : into) {
-    begin(
-        id, [](RowKind kind) { return kind == RowKind::memory; }, start);
-    settle_drives(id);
+    const auto begins = [&](RowKind kind) {
+      return kind == RowKind::reading || (kind == RowKind::memory && !same_settings);
+    };
+    begin(id, begins, start);
+    if (!same_settings) settle_drives(id);
   }
 }
 

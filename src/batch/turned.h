@@ -1,6 +1,7 @@
 // Angle and whole turns of one joint in the rows of a batch (M80). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -8,6 +9,12 @@
 #include "simd/turns.h"
 
 namespace lockstep {
+
+/// Of the rows of a loop's turns, which have 2 sin(angle / 2): (M130).
+template <class S>
+S angle_of_gap(S gap) {
+  return S(2) * std::asin(std::min(S(0.5) * gap, S(1)));
+}
 
 template <class S>
 struct JointTurns {

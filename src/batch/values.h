@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "lockstep/batch.h"
+#include "model/contact_pairs.h"
 #include "model/inertia.h"
 #include "model/softness_numbers.h"
 #include "model/tendons.h"
@@ -287,8 +288,8 @@ ValueRules<S> value_rules(const Program& program) {
            "a whole number of steps from 0 to the model's Drive::delay, " + std::to_string(joint.drive.delay)});
   }
   for (std::size_t c = 0; declares(Parameter::contact_friction) && c < program.plan_contacts.size(); ++c)
-    add(Parameter::contact_friction, static_cast<int>(c), largest,
-        "friction of contact '" + program.plan_contacts[c].name + "'", "0 or more");
+    add(Parameter::contact_friction, static_cast<int>(c), static_cast<S>(most_friction),
+        "friction of contact '" + program.plan_contacts[c].name + "'", "0 to 100");
   for (std::size_t c = 0; declares(Parameter::contact_restitution) && c < program.plan_contacts.size(); ++c)
     add(Parameter::contact_restitution, static_cast<int>(c), S(1),
         "restitution of contact '" + program.plan_contacts[c].name + "'", "0 to 1");

@@ -18,18 +18,12 @@ void euler_efforts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
 }
 
 /// (M149): what a step adds to the history of a contact, in the lanes `good`. Forces are on its second collider in the
-/// order of PairKind.
+/// order of PairKind, means over the whole step.
 template <class T>
 void add_contact(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int contact, typename T::Mask good,
                  ContactHistory<T>& history) {
   const T zero = T(0), one = T(1);
-  auto presses = T::none();
-  Vec3<T> impulse = Vec3<T>::zero();
-  each_slot_of(t, x, contact,
-               [&](const auto&, const ContactPatch<T>& patch, const ContactSlot<T>& slot) LOCKSTEP_INLINED {
-                 presses = presses | less(zero, slot.pressed);
-                 impulse = impulse + impulse_of_slot(patch, slot);
-               });
+  const auto presses = less(zero, x.records.contact_pressed[contact]);
   const auto touches = good & presses, flies = good & ~presses;
   const auto lands = touches & less(zero, history.flying), leaves = flies & less(zero, history.touching);
   history.last_flying = select(lands, history.flying, history.last_flying);
@@ -37,7 +31,8 @@ void add_contact(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int contact, ty
   history.first_touch = select(lands, one, history.first_touch);
   history.touching = select(touches, history.touching + one, select(flies, zero, history.touching));
   history.flying = select(flies, history.flying + one, select(touches, zero, history.flying));
-  const Vec3<T> force = select<T>(touches, scaled(impulse, per_second(t, x)), Vec3<T>::zero());
+  const Vec3<T> mean = scaled(x.records.contact_force[contact], T(ScalarOf<T>(1) / t.step));
+  const Vec3<T> force = select<T>(touches, mean, Vec3<T>::zero());
   history.peak = larger(history.peak, sqrt(dot(force, force)));
   history.sum = history.sum + force;
 }

@@ -36,7 +36,7 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   if (t.spatial.used()) place_spatial_tendons(t, x, x.next);
   if (t.record_diagnostics) diagnose(t, batch, x);
   if (t.record_efforts && t.integrator == Integrator::euler) euler_efforts(t, batch, x);
-  if (t.record_accelerations && t.integrator == Integrator::euler) {
+  if (t.sums_contacts() && t.integrator == Integrator::euler) {
     clear_contact_impulses(t, x);
     add_contact_impulses(t, ~T::none(), x);
   }

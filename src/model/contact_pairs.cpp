@@ -20,7 +20,11 @@ namespace {
 
 using std::string;
 
-void proper_friction(double friction, const string& element) { not_negative(friction, element, "friction"); }
+void proper_friction(double friction, const string& element) {
+  not_negative(friction, element, "friction");
+  require(friction <= most_friction, element, "has a friction above 100",
+          "give 1 to 3, which holds whatever is not nearly upright");
+}
 
 void proper_turning_friction(double torsional, double rolling, const string& element) {
   not_negative(torsional, element, "torsional friction");

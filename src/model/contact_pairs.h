@@ -10,6 +10,7 @@ namespace lockstep {
 
 constexpr long most_heights = 2'700'000;  ///< of a height field: six numbers a cell are exact in single precision
 constexpr double most_height = 1e4;       ///< m
+constexpr double most_friction = 100.0;   ///< beyond it, what lands may fall through
 
 struct ColliderPair {
   int first, second;  ///< colliders of the model, the kinds in the order of ShapeKind

@@ -136,8 +136,11 @@ void require_points(const Program& program, const Query& query) {
     if (!std::isfinite(x) || !std::isfinite(y)) refuse("has a point that is not finite", "give x and y in m");
   const ContactTables<double>& contacts = program.f64.contacts;
   if (!contacts.used()) refuse("needs a plan with contacts", "let something touch the ground");
+  const auto leans = [](const ColliderPlace<double>& own) {
+    return own.rotation[8] < 1.0 - 1e-9 || (own.in_link && own.link_rotation[8] < 1.0 - 1e-9);
+  };
   for (int c = 0; c < contacts.colliders.count; ++c)
-    if (contacts.colliders[c].kind == ShapeKind::height_field && contacts.colliders[c].rotation[8] < 1.0 - 1e-9)
+    if (contacts.colliders[c].kind == ShapeKind::height_field && leans(contacts.colliders[c]))
       refuse("cannot see height field '" + program.model.colliders[static_cast<std::size_t>(c)].name + "', which leans",
              "put the slope into its heights");
 }

@@ -86,6 +86,8 @@ struct TableStructure {
   inline __attribute__((always_inline)) bool records_calls() const {
     return record_efforts || record_contacts || record_accelerations;
   }
+  /// Whether the impulses of contacts are summed over the parts of a step.
+  inline __attribute__((always_inline)) bool sums_contacts() const { return record_contacts || record_accelerations; }
   /// Whether forces act along the world's axes.
   inline __attribute__((always_inline)) bool has_orientations() const {
     return declares(Parameter::link_wrench) || own_weights.count > 0;

@@ -321,8 +321,9 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
   for (Eigen::Index c = 0; c < count; ++c) {
     const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
     if (!point.bounces) continue;
-    const double arrives = std::abs(point.jacobian.row(0).dot(expected)), left = std::min(stopped[begin(c)], 0.0);
-    normal[c] = (1.0 + point.restored) * impulses[begin(c)] * std::min(1.01, arrives / (arrives + left));
+    const double arrives = std::max(std::abs(point.jacobian.row(0).dot(expected)), 1e-6),
+                 left = arrives + std::min(stopped[begin(c)], 0.0);
+    normal[c] = (1.0 + point.restored) * impulses[begin(c)] * arrives / std::max(left, arrives / 1.01);
     restores = restores || (point.restored > 0.0 && impulses[begin(c)] > 0.0);
   }
   if (!restores) return result;

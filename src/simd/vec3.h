@@ -98,6 +98,16 @@ LOCKSTEP_INLINE Vec3<T> multiply(const Mat3<T>& m, const Vec3<T>& a) {
 }
 
 template <class T>
+LOCKSTEP_INLINE Mat3<T> product(const Mat3<T>& a, const Mat3<T>& b) {
+  Mat3<T> result;
+  for (int c = 0; c < 3; ++c) {
+    const Vec3<T> column = multiply(a, column_of(b, c));
+    for (int r = 0; r < 3; ++r) result(r, c) = column[r];
+  }
+  return result;
+}
+
+template <class T>
 LOCKSTEP_INLINE Vec3<T> multiply_transposed(const Mat3<T>& m, const Vec3<T>& a) {
   const auto row = [&](int i) { return fma(m(0, i), a.x, fma(m(1, i), a.y, m(2, i) * a.z)); };
   return {row(0), row(1), row(2)};

@@ -77,7 +77,8 @@ TYPED_TEST(Arms, hold_random_boxes_through_lift_and_shake_with_parallel_fingers)
     return std::uniform_real_distribution<double>(low, high)(generator);
   };
   for (int size = 0; size < 8; ++size) {
-    const Vector3d box(uniform(0.03, 0.05), uniform(0.034, 0.06), uniform(0.04, 0.06));
+    const double z = uniform(0.04, 0.06), y = uniform(0.034, 0.06), x = uniform(0.03, 0.05);
+    const Vector3d box(x, y, z);
     const double closed = knuckle_at(box.y() / 2) + 0.18;
     const Plan plan =
         compile(scene(box), {.dt = 1.0 / 240, .per_environment = {Parameter::mass, Parameter::contact_friction}});

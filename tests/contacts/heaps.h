@@ -1,4 +1,6 @@
 // Random heaps of a box, balls and a rod on a floor. SPDX-License-Identifier: Apache-2.0
+//
+// Each number is drawn in a statement of its own: no compiler chooses the order of arguments, and so the scene.
 #pragma once
 
 #include <cmath>
@@ -17,15 +19,17 @@ inline Model heap(unsigned seed) {
   Model model;
   model.name = "heap";
   const auto mass = [&] { return std::pow(10.0, uniform(-1.0, 1.0)); };
-  add_block(model, "box", mass(), {0.1, 0.12, 0.08}, {0, 0, 0.04 + uniform(-1e-3, 1e-3)}, uniform(0.2, 1.0));
-  model.roots.back().pose.linear() =
-      Eigen::AngleAxisd(uniform(-0.01, 0.01), Vector3d(uniform(-1, 1), uniform(-1, 1), 3).normalized())
-          .toRotationMatrix();
+  {
+    const double friction = uniform(0.2, 1.0), height = 0.04 + uniform(-1e-3, 1e-3), m = mass();
+    add_block(model, "box", m, {0.1, 0.12, 0.08}, {0, 0, height}, friction);
+    const double y = uniform(-1, 1), x = uniform(-1, 1), angle = uniform(-0.01, 0.01);
+    model.roots.back().pose.linear() = Eigen::AngleAxisd(angle, Vector3d(x, y, 3).normalized()).toRotationMatrix();
+  }
   for (const auto& [name, place] :
        {std::pair("top", Vector3d(0.02, 0.01, 0.11)), std::pair("side", Vector3d(0.08, 0.0, 0.03))}) {
-    const double m = mass();
+    const double m = mass(), friction = uniform(0.2, 1.0), higher = uniform(-1e-3, 1e-3);
     add_free(model, name, {m, Vector3d::Zero(), m * 3.6e-4 * Eigen::Matrix3d::Identity()}, Shape::sphere(0.03),
-             place + Vector3d(0, 0, uniform(-1e-3, 1e-3)), uniform(0.2, 1.0));
+             place + Vector3d(0, 0, higher), friction);
   }
   const double m = mass();
   add_free(model, "rod", {m, Vector3d::Zero(), m * Vector3d(1e-3, 1e-3, 2e-4).asDiagonal().toDenseMatrix()},
@@ -94,19 +98,19 @@ inline Model solid_heap(unsigned seed) {
                 {"stone", Shape::hull(stone, 0.005), lowest + 0.005, 0.045}};
   double x = 0.0;
   for (const auto& solid : solids) {
-    const double m = std::pow(10.0, uniform(-1.0, 1.0));
+    const double m = std::pow(10.0, uniform(-1.0, 1.0)), friction = uniform(0.2, 1.0), higher = uniform(-1e-3, 1e-3);
     add_free(model, solid.name, {m, Vector3d::Zero(), m * Vector3d(8e-4, 9e-4, 7e-4).asDiagonal().toDenseMatrix()},
-             solid.shape, {x, 0, solid.height + uniform(-1e-3, 1e-3)}, uniform(0.2, 1.0));
+             solid.shape, {x, 0, solid.height + higher}, friction);
     Pose& pose = model.roots.back().pose;
     if (solid.name == std::string("roll"))
       pose.linear() = Eigen::AngleAxisd(std::acos(0.0), Vector3d(1, uniform(-1, 1), 0).normalized()).toRotationMatrix();
     const double tilt = solid.name == std::string("stone") ? 0.0 : 0.01;
-    pose.linear() =
-        Eigen::AngleAxisd(uniform(-tilt, tilt), Vector3d(uniform(-1, 1), 1, 0).normalized()).toRotationMatrix() *
-        pose.linear();
+    const double axis = uniform(-1, 1), angle = uniform(-tilt, tilt);
+    pose.linear() = Eigen::AngleAxisd(angle, Vector3d(axis, 1, 0).normalized()).toRotationMatrix() * pose.linear();
     const std::string ball = std::string("ball_at_") + solid.name;
+    const double friction_of_ball = uniform(0.2, 1.0), apart = uniform(-1e-3, 2e-3), above = uniform(0.0, 0.01);
     add_free(model, ball, {0.2, Vector3d::Zero(), 3.2e-5 * Eigen::Matrix3d::Identity()}, Shape::sphere(0.02),
-             {x + solid.reach + 0.02 + uniform(-1e-3, 2e-3), 0, solid.height + uniform(0.0, 0.01)}, uniform(0.2, 1.0));
+             {x + solid.reach + 0.02 + apart, 0, solid.height + above}, friction_of_ball);
     x += 0.3;
   }
   add_floor(model, uniform(0.2, 1.0));

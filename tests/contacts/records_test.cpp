@@ -194,5 +194,49 @@ TEST(Records, are_refused_where_nothing_declares_or_keeps_them) {
   EXPECT_THROW(Batch<double>(kept, 1, {.threads = 1, .engine = Engine::compiled}), SettingsError);
 }
 
+// Two links swing so fast on a body that bounces that the guard takes its steps in parts: each part counts.
+TEST(ContactHistory, has_the_impulses_of_all_parts_of_a_step) {
+  Model model;
+  model.gravity.setZero();
+  const Inertia swings = {1.0, {0.3, 0.0, 0.0}, Vector3d(0.01, 0.01, 0.01).asDiagonal()};
+  model.links = {{"body", Inertia::box(2.0, {0.2, 0.2, 0.2}, Vector3d::Zero())}, {"one", swings}, {"other", swings}};
+  model.roots = {{"body", true, at({0, 0, 2}), {0, 0, 0, 0, 0, -3}}};
+  for (const auto& [parent, child] : {std::pair("body", "one"), std::pair("one", "other")}) {
+    Joint& joint = model.joints.emplace_back();
+    joint.name = child, joint.kind = JointKind::continuous, joint.parent = parent, joint.child = child;
+    joint.axis = Vector3d::UnitY(), joint.origin = at({child[1] == 'n' ? 0.0 : 0.5, 0, 0});
+  }
+  model.colliders = {
+      {.name = "ball", .link = "body", .shape = Shape::sphere(0.1), .friction = 0.0, .restitution = 0.8}};
+  add_floor(model, 0.0);
+  model.contacts = {{"floor", "ball"}};
+  constexpr int environments = 32;
+  for (const int rate : {60, 120}) {
+    StepSettings settings = recorded(Integrator::leapfrog);
+    settings.dt = 1.0 / rate;
+    Batch<double> batch(compile(model, settings), environments, {.threads = 1});
+    for (int e = 0; e < environments; ++e) {
+      batch.positions().col(e) << 0.2 * e, -0.1 * e;
+      batch.velocities().col(e) << 15.0, -15.0;
+    }
+    const auto rising = [&] { return batch.momenta().row(5).eval(); };
+    const Eigen::ArrayXd before = rising().transpose();
+    Eigen::ArrayXd impulse = Eigen::ArrayXd::Zero(environments), touches = impulse;
+    for (int i = 0; i < 6 * rate / 5; ++i) {
+      batch.step(1);
+      impulse += read(batch, Quantity::contact_mean_force).row(2).transpose() * settings.dt;
+      touches += read(batch, Quantity::contact_first_touch).row(0).transpose();
+    }
+    const Eigen::ArrayXd gained = rising().transpose() - before;
+    for (int e = 0; e < environments; ++e) {
+      if (batch.faults()[static_cast<std::size_t>(e)] != Fault::none) continue;
+      EXPECT_GT(gained[e], 1.0);
+      EXPECT_GE(touches[e], 1.0) << rate << ' ' << e;
+      EXPECT_NEAR(impulse[e], gained[e], 0.03 * gained[e]) << rate << ' ' << e;
+    }
+    EXPECT_LT(batch.faulted(), environments / 4);
+  }
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -286,5 +286,19 @@ TEST(Project, refuses_what_does_not_fit) {
   EXPECT_THROW(batch.project(EnvironmentSet::all(), static_cast<Couplings>(7)), UsageError);
 }
 
+// Two couplings that lock two joints leave velocities of 1e-32, which are 0.
+TEST(Project, meets_couplings_of_locked_joints) {
+  constexpr int many = 2000;
+  Model model = physics::sliders({1.0, 1.0});
+  model.couplings = {{"s0", {{"s1", 0.7}}, 0.2, {}, infinity}, {"s0", {{"s1", 1.7}}, 0.3, {}, infinity}};
+  Batch<double> batch(compile(model), many, serial);
+  Random random(0);
+  for (int e = 0; e < many; ++e)
+    for (int dof = 0; dof < 2; ++dof)
+      batch.positions()(dof, e) = random.uniform(-0.5, 0.5), batch.velocities()(dof, e) = random.uniform(-2.0, 2.0);
+  EXPECT_TRUE(batch.project().empty());
+  EXPECT_LT(batch.velocities().abs().maxCoeff(), 1e-15);
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -218,5 +218,28 @@ TEST(Restore, refuses_sizes_and_environments_that_do_not_fit) {
   EXPECT_EQ(five.save(), before);
 }
 
+// They are of a step that the restored state has not made.
+TEST(Restore, and_reset_leave_no_readings_of_another_state) {
+  Model model = physics::sliders({1.0, 2.0});
+  model.couplings = {Coupling::mimic("s1", "s0", 0.5)};
+  StepSettings settings;
+  settings.integrator = Integrator::euler, settings.record_impulses = settings.record_diagnostics = true;
+  Batch<double> batch(compile(model, settings), 3, {.threads = 1});
+  batch.efforts().row(0) << 1.0, 2.0, 3.0;
+  const Bytes start = batch.save();
+  const auto read_all = [&](int e) {
+    return std::abs(batch.coupling_impulses()(0, e)) + batch.energy_balances().col(e).abs().sum();
+  };
+  batch.step(5);
+  for (int e = 0; e < 3; ++e) EXPECT_GT(read_all(e), 0.1);
+  const int into[] = {1}, from[] = {0}, again[] = {2};
+  const double kept = read_all(0);
+  batch.restore(start, into, from);
+  batch.reset(EnvironmentSet(again));
+  EXPECT_EQ(read_all(0), kept);
+  EXPECT_EQ(read_all(1), 0.0);
+  EXPECT_EQ(read_all(2), 0.0);
+}
+
 }  // namespace
 }  // namespace lockstep

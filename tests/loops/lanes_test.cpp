@@ -271,5 +271,28 @@ TEST(LoopBatch, of_a_linkage_is_closed_by_a_reset_and_tells_what_cannot_be) {
   EXPECT_NEAR(unmet[0].error, 2.0, 1e-6);
 }
 
+// A loop's second error is the angle, also where that is large.
+TEST(LoopBatch, tells_the_angle_that_it_is_open_by) {
+  const Plan plan = compile(held_box(), varied(Integrator::euler, {Parameter::loop_frame}));
+  Batch<double> batch(plan, 4, {.threads = 1});
+  Batch<float> single(plan, 4, {.threads = 1});
+  const double angles[] = {0.0, 1.0, 2.0, 3.1};
+  for (int e = 0; e < 4; ++e) {
+    const Eigen::Vector4d pose = batch.root_poses().col(e).segment(3, 4).matrix();
+    const Eigen::Quaterniond turned = Eigen::Quaterniond(pose[0], pose[1], pose[2], pose[3]) *
+                                      Eigen::AngleAxisd(angles[e], Eigen::Vector3d(1, 2, 2) / 3.0);
+    batch.root_poses().col(e).segment(3, 4) << turned.w(), turned.x(), turned.y(), turned.z();
+    single.root_poses().col(e) = batch.root_poses().col(e).cast<float>();
+  }
+  const Query query{Quantity::loop_error};
+  Batch<double>::Array all(2, 4);
+  batch.read(std::span(&query, 1), {all.data(), 4, 1});
+  for (int e = 0; e < 4; ++e) {
+    EXPECT_NEAR(batch.loop_errors()(1, e), angles[e], 1e-7);
+    EXPECT_NEAR(single.loop_errors()(1, e), angles[e], 1e-3);
+    EXPECT_EQ(all(1, e), batch.loop_errors()(1, e));
+  }
+}
+
 }  // namespace
 }  // namespace lockstep

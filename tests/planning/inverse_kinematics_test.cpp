@@ -127,5 +127,38 @@ TEST(InverseKinematics, refuses_what_does_not_fit_and_changes_nothing) {
   EXPECT_EQ(targets.batch.save(), before);
 }
 
+// Whether the end of a range is a number of single precision makes no difference.
+TEST(InverseKinematics, goes_on_along_an_end_of_a_range_in_either_precision) {
+  for (const double limit : {0.7, 0.35, 0.6}) {
+    Model model;
+    model.links = {{"base", {}}};
+    const char* const names[] = {"base", "a", "b", "c"};
+    for (int i = 1; i < 4; ++i) {
+      model.links.push_back({names[i], Inertia::box(1.0, {0.1, 0.1, 0.1}, Eigen::Vector3d::Zero())});
+      Joint& joint = model.joints.emplace_back();
+      joint.name = names[i], joint.kind = JointKind::revolute, joint.parent = names[i - 1], joint.child = names[i];
+      joint.axis = i == 1 ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitY();
+      joint.origin = Pose(Eigen::Translation3d(i == 1 ? 0.0 : 0.4, 0.0, 0.0));
+      joint.lower = -2.0, joint.upper = i == 1 ? limit : 2.0;
+    }
+    model.add_site("tip", "c", Pose(Eigen::Translation3d(0.3, 0.0, 0.0)));
+    const Plan plan = compile(model);
+    constexpr int many = 100;
+    Batch<double> batch(plan, many, {.threads = 1});
+    Batch<float> single(plan, many, {.threads = 1});
+    std::mt19937 generator(1);
+    std::uniform_real_distribution<double> bend(-2.0, 2.0);
+    for (int e = 0; e < many; ++e) batch.positions().col(e) << limit, bend(generator), bend(generator);
+    const Batch<double>::Array targets = batch.site_positions(plan.site("tip"));
+    for (int e = 0; e < many; ++e) {
+      batch.positions().col(e) << limit - 0.05, 0.3, 0.3;
+      single.positions().col(e) << static_cast<float>(limit - 0.05), 0.3f, 0.3f;
+    }
+    const auto left = batch.inverse_kinematics(plan.site("tip"), targets);
+    const auto left_single = single.inverse_kinematics(plan.site("tip"), targets.cast<float>());
+    EXPECT_LE((left_single.row(0) > 1e-4f).count(), (left.row(0) > 1e-4).count() + 4) << limit;
+  }
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -205,5 +205,73 @@ TEST(Linearize, flags_a_bad_environment_and_no_other) {
   EXPECT_TRUE(all[1].state_by_state.allFinite());
 }
 
+Model held_arm(const Softness& softness, double force_limit) {
+  Model model = pendulum();
+  model.joints[0].position = 0.0;
+  Loop& loop = model.loops.emplace_back();
+  loop.name = "pin", loop.kind = LoopKind::point, loop.first = "", loop.second = model.joints[0].child;
+  loop.softness = softness, loop.force_limit = force_limit;
+  loop.second_pose.translation() = Eigen::Vector3d(0.0, 0.0, -length);
+  loop.first_pose.translation() = Eigen::Vector3d(0.0, 0.0, -length);
+  return model;
+}
+
+// What is soft, or has slipped, leaves coordinates of its own.
+TEST(Linearize, refuses_loops_and_couplings_that_do_not_hold) {
+  const auto words = [](const Batch<double>& batch) -> std::string {
+    try {
+      batch.linearize();
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  StepSettings settings = euler();
+  settings.contacts.tolerance = 1e-10;
+  EXPECT_NE(words(Batch<double>(compile(held_arm(Spring{20.0, 1.0}, infinity), settings), 1)).find("is soft"),
+            std::string::npos);
+  Batch<double> slips(compile(held_arm(Hard{}, 5.0), settings), 2, {.threads = 1});
+  slips.positions()(0, 1) = 0.1;
+  EXPECT_NE(words(slips).find("environment 1: has the loop 'pin' slipped"), std::string::npos) << words(slips);
+
+  Model model = pendulum();
+  model.links.push_back(model.links.back());
+  model.links.back().name = "second";
+  model.joints.push_back(model.joints.back());
+  model.joints.back().name = "follower", model.joints.back().child = "second";
+  model.couplings = {Coupling::mimic("follower", model.joints[0].name, 1.0)};
+  model.couplings[0].force_limit = 2.0;
+  Batch<double> pair(compile(model, settings), 3, {.threads = 1});
+  EXPECT_EQ(words(pair), "");
+  pair.positions()(1, 2) = 0.05;
+  EXPECT_NE(words(pair).find("environment 2: has the coupling"), std::string::npos) << words(pair);
+}
+
+// The rotation vector of a ball jumps where it has turned by pi; a gap of what is far away is infinite before and
+// after.
+TEST(Linearize, of_records_takes_turns_and_infinite_gaps_for_what_they_are) {
+  Model model;
+  model.gravity.setZero();
+  model.links = {{"base", {}}, {"arm", Inertia::box(1.0, {0.1, 0.1, 0.1}, Eigen::Vector3d::Zero())}};
+  model.add_ball("ball", "base", "arm");
+  model.colliders = {{.name = "arm", .link = "arm", .shape = Shape::sphere(0.1)},
+                     {.name = "floor", .shape = Shape::half_space(), .pose = Pose(Eigen::Translation3d(0, 0, -5))}};
+  model.contacts = {{"floor", "arm"}};
+  StepSettings settings = euler();
+  settings.contacts.tolerance = 1e-10;
+  Batch<double> batch(compile(model, settings), 2, {.threads = 1});
+  for (int e = 0; e < 2; ++e) {
+    const double angle = e == 0 ? 3.0 : std::numbers::pi - 1e-9;
+    batch.positions().col(e) << 0.6 * angle, 0.8 * angle, 0.0;
+  }
+  for (const Linearization& own :
+       batch.linearize(EnvironmentSet::all(), {.record = {{Quantity::position}, {Quantity::contact_gap}}})) {
+    EXPECT_EQ(own.fault, Fault::none);
+    EXPECT_TRUE(own.record_by_state.topRows(3).leftCols(3).isApprox(own.state_by_state.topLeftCorner(3, 3), 1e-6));
+    EXPECT_LT(own.record_by_state.cwiseAbs().maxCoeff(), 10.0);
+    EXPECT_TRUE((own.record_by_state.row(3).array() == 0.0).all());
+  }
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -29,7 +29,8 @@ std::string page() {
          "| Python | `error.code` | `batch.fault_report(e)[\"code\"]` |\n"
          "| C | `lockstep_code()` | `lockstep_fault_code()` |\n"
          "| command | `error.code` of `simulate --json` | `first_fault.code` |\n\n"
-         "`LOCKSTEP_WRITE_PAGES=1 ctest --preset release -R ErrorPage` writes this page; `src/model/errors.cpp` has the table.\n\n"
+         "`LOCKSTEP_WRITE_PAGES=1 ctest --preset release -R ErrorPage` writes this page; `src/model/errors.cpp` has "
+         "the table.\n\n"
          "| code | what is wrong | what to do |\n"
          "| --- | --- | --- |\n";
   for (const ErrorCode& known : error_codes())

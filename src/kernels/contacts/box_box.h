@@ -3,9 +3,11 @@
 // The separating axis with the least overlap is a face of either box or a pair of edges (Gottschalk 1996). Of a face:
 // its own corners, and the edges of the face opposite clipped by it, are twelve candidates; each slot takes the one
 // that is farthest along its diagonal of the face. The deepest candidate is always among the slots, up to rounding. A
-// pair of edges touches in one point: (M110).
+// pair of edges touches in one point: (M110). Boxes that are apart may have no candidate: their nearest points then are
+// the one slot (M156).
 #pragma once
 
+#include "gjk.h"
 #include "slots.h"
 
 namespace lockstep::kernels {
@@ -25,7 +27,7 @@ SeparatingAxis<T> separating_axis(const PlacedShape<T>& first, const PlacedShape
   using S = ScalarOf<T>;
   const T *const a = first.size, *const b = second.size;
   const T least_a = smaller(a[0], smaller(a[1], a[2])), least_b = smaller(b[0], smaller(b[1], b[2]));
-  const T hysteresis = T(S(1e-3)) * smaller(least_a, least_b), of_edges = T(S(1e-3)) * (least_a + least_b);
+  const T hysteresis = T(S(1e-3)) * smaller(least_a, least_b), of_edges = T(S(2)) * hysteresis;
   SeparatingAxis<T> best{T(S(-1e30)), T(0), Vec3<T>::zero()};
   const auto take = [&](T separation, T ahead, int number, const Vec3<T>& n, typename T::Mask may) LOCKSTEP_INLINED {
     const auto wins = may & less(best.separation + ahead, separation);
@@ -174,8 +176,38 @@ void touch_edges(const PlacedShape<T>& first, const PlacedShape<T>& second, cons
   axis = e;
 }
 
+/// The nearest points, into slot 0, in the lanes `lost`.
 template <class T>
-void box_box(const PlacedShape<T>& first, const PlacedShape<T>& second, T margin, Patch<T>& patch) {
+void touch_nearest(const PlacedShape<T>& first, const PlacedShape<T>& second, const Mat3<T>& turn,
+                   const Vec3<T>& between, const TouchingPair<ScalarOf<T>>& numbers, T margin, typename T::Mask lost,
+                   Patch<T>& patch) {
+  using S = ScalarOf<T>;
+  constexpr S number = 998;  // no face has it
+  const HullTable<S> none{};
+  const auto core = [&](const PlacedShape<T>& box) LOCKSTEP_INLINED {
+    return Core<T>{ShapeKind::box, {box.size[0], box.size[1], box.size[2]}, &none, nullptr};
+  };
+  const CorePair<T> pair{core(first), core(second), turn, between, T(numbers.size)};
+  Nearest<T> found{Vec3<T>::zero(), T(S(1e30)), Vec3<T>::zero(), Vec3<T>::zero()};
+  separate(pair, T(numbers.apart), margin, lost, T::none(), found);
+  Patch<T> own;
+  own.normal = multiply(first.rotation, found.normal);
+  tangents_along(first, own);
+  patch.normal = select<T>(lost, own.normal, patch.normal);
+  patch.tangent = select<T>(lost, own.tangent, patch.tangent);
+  patch.other_tangent = select<T>(lost, own.other_tangent, patch.other_tangent);
+  const Vec3<T> at =
+      fma(own.normal, T(S(0.5)) * found.separation, multiply_add(first.rotation, found.on_first, first.center));
+  patch.point[0] = select<T>(lost, at, patch.point[0]);
+  patch.gap[0] = select(lost, found.separation, patch.gap[0]);
+  patch.face[0] = select(lost, T(number), patch.face[0]);
+  patch.valid[0] = patch.valid[0] | lost;
+}
+
+/// Of the lanes `near`.
+template <class T>
+void box_box(const PlacedShape<T>& first, const PlacedShape<T>& second, const TouchingPair<ScalarOf<T>>& numbers,
+             typename T::Mask near, T margin, Patch<T>& patch) {
   using S = ScalarOf<T>;
 
   // What separates: a face of either box, or a pair of edges.
@@ -262,6 +294,9 @@ void box_box(const PlacedShape<T>& first, const PlacedShape<T>& second, T margin
     patch.face[slot] = code + select(replaced[slot], T(100), T(0));
     patch.valid[slot] = slot == 0 ? edges | valid[slot] : valid[slot] & ~edges;
   }
+  const auto lost =
+      near & ~(patch.valid[0] | patch.valid[1] | patch.valid[2] | patch.valid[3]) & less(found.separation, margin);
+  if (any(lost)) touch_nearest(first, second, turn, between, numbers, margin, lost, patch);
 }
 
 }  // namespace lockstep::kernels

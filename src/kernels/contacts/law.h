@@ -90,6 +90,13 @@ LOCKSTEP_INLINE T sliding_speed(const ContactSlot<T>& slot, const TurningFrictio
   return sliding_speed(slot, turning, slot.speed, turning ? turning->speed : Vec3<T>::zero());
 }
 
+/// What a solve assumes of a slot before it knows: (M105). Friction above 1 holds nearly all that lands, and from a
+/// slip that is too large a slot would be let through.
+template <class T>
+LOCKSTEP_INLINE T first_slip(T friction, T speed) {
+  return select(less(T(1), friction), T(0), friction * speed);
+}
+
 /// (M109): whether a slot bounces, and the share of the impulse that comes back. Velocities of semi-implicit Euler are
 /// those of the middle of their step. `u` is the normal speed at the start of the step, slot.free that of the step
 /// without contacts.
@@ -107,16 +114,16 @@ LOCKSTEP_INLINE void begin_bounce(T e, ScalarOf<T> dt, T u, ContactSlot<T>& slot
 
 /// (M124): the same in a leapfrog, whose velocities are those of the ends of a step. What approaches and does not land
 /// in this step is off, unless what moves it takes it through all the same: slot.speed is the way from the midpoint to
-/// the step's end, over the step. `slot.bias` becomes minus the speed that brings it to where it flies after its
-/// landing.
+/// the step's end, over the step. What would be deeper than `middle` at the next midpoint lands at the end of this
+/// step. `slot.bias` becomes minus the speed that brings it to where it flies after its landing.
 template <class T>
-LOCKSTEP_INLINE void begin_bounce_in_step(T e, ScalarOf<T> dt, T u, ContactSlot<T>& slot) {
+LOCKSTEP_INLINE void begin_bounce_in_step(T e, ScalarOf<T> dt, ScalarOf<T> middle, T u, ContactSlot<T>& slot) {
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1), half = T(S(0.5)), h = T(dt), free = slot.free[0];
   const T gain = free - u, start = larger(fnma(half * h, u, slot.gap), zero);
   const T arrives = sqrt(larger(fnma(T(S(2) / dt) * gain, start, u * u), zero)), back = e * arrives;
   const auto approaches = slot.live & less(u, T(S(-least_bounce))) & less(-gain, back) & less(zero, e);
-  slot.bounces = approaches & less(fma(half * h, free, slot.gap), zero);
+  slot.bounces = approaches & (less(fma(half * h, free, slot.gap), zero) | less(fma(h, free, slot.gap), T(-middle)));
   slot.live = slot.live & (slot.bounces | ~approaches | less(fma(h, slot.speed[0], slot.gap), zero));
   slot.landing = smaller(start * T(S(2) / dt) / larger(arrives - u, T(S(1e-6))), one);
   const T left = one - slot.landing;
@@ -140,7 +147,7 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
   slot.bounces = slot.given = slot.relaxes = T::none();
   slot.restored = slot.stopping = slot.normal = slot.push = zero;
   if (pair.bounces)
-    t.solves_midpoint ? begin_bounce_in_step(patch.restitution, t.dt, u[0], slot)
+    t.solves_midpoint ? begin_bounce_in_step(patch.restitution, t.dt, pair.middle, u[0], slot)
                       : begin_bounce(patch.restitution, t.dt, u[0], slot);
 
   // What answers in no row at all cannot be pushed: such a slot is off.
@@ -189,7 +196,7 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
     turning->drift = {taken_back(way.x), taken_back(way.y), taken_back(way.z)};
     turns = by_radii(pair, start.turning);
   }
-  slot.slip = slot.slip_before = slot.found_before = patch.friction * sliding_speed(slot, turning, u, turns);
+  slot.slip = slot.slip_before = slot.found_before = first_slip(patch.friction, sliding_speed(slot, turning, u, turns));
   slot.target = slot.bias + slot.slip;
 }
 

@@ -54,7 +54,7 @@ LOCKSTEP_INLINE void size_collider(const Tables<ScalarOf<T>>& t, int c, const Co
   for (int k = 0; k < 3; ++k) moving.half[k] = fma(moving.half[k] - radius, grows, radius);
 }
 
-/// In the axes of its body, or of the world.
+/// (M167), in the axes of its body, or of the world.
 template <class T>
 LOCKSTEP_INLINE void offset_collider(const Tables<ScalarOf<T>>& t, int c, const Contacts<T>& contacts,
                                      Mat3<T>& rotation, Vec3<T>& offset) {
@@ -72,6 +72,10 @@ LOCKSTEP_INLINE void offset_collider(const Tables<ScalarOf<T>>& t, int c, const 
     for (int r = 0; r < 3; ++r) rotation(r, k) = column[r];
   }
   offset = turned(offset) + Vec3<T>{place[0], place[1], place[2]};
+  if (!own.in_link) return;
+  const Mat3<T> link = Mat3<T>::constant(own.link_rotation);
+  rotation = product(link, rotation);
+  offset = multiply_add(link, offset, Vec3<T>::constant(own.link_offset));
 }
 
 /// Colliders that stand in the world have the body -1.

@@ -154,7 +154,7 @@ void take_half(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   leapfrog(half, batch, x, 0);
   const auto coarse = x.guard.coarse & lanes;
   if (t.record_efforts) add_efforts(t, keeping_lanes(half, x), ScalarOf<T>(0.5) / (1 << depth), x);
-  if (t.record_accelerations) add_contact_impulses(t, keeping_lanes(half, x), x);
+  if (t.sums_contacts()) add_contact_impulses(t, keeping_lanes(half, x), x);
   if (!half.half)
     x.too_fast = x.too_fast | (~less(x.guard.eta, T(t.too_fast_above)) & coarse);
   else if (any(coarse))
@@ -213,7 +213,7 @@ void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     for (int j = 0; j < t.joints; ++j) x.records.effort[j] = T(0);
     add_efforts(t, keeping_lanes(t, x), ScalarOf<T>(1), x);
   }
-  if (t.record_accelerations) {
+  if (t.sums_contacts()) {
     clear_contact_impulses(t, x);
     add_contact_impulses(t, keeping_lanes(t, x), x);
   }

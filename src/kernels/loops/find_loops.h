@@ -16,16 +16,6 @@ struct WorldFrame {
 };
 
 template <class T>
-LOCKSTEP_INLINE Mat3<T> product(const Mat3<T>& a, const Mat3<T>& b) {
-  Mat3<T> result;
-  for (int c = 0; c < 3; ++c) {
-    const Vec3<T> column = multiply(a, column_of(b, c));
-    for (int r = 0; r < 3; ++r) result(r, c) = column[r];
-  }
-  return result;
-}
-
-template <class T>
 LOCKSTEP_INLINE WorldFrame<T> in_world(const Motion<T>& m, int body, const Mat3<T>& rotation, const Vec3<T>& offset) {
   if (body < 0) return {rotation, offset};
   return {product(m.world[body], rotation), multiply_add(m.world[body], offset, m.place[body])};

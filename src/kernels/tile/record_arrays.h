@@ -35,7 +35,8 @@ struct Records {
   T* before;                   // [velocities] at the start of the step
   T* acceleration;             // [velocities] mean over the step
   Vec3<T>* contact_force;      // [contacts] of contact, over the step, in the world
-  Vec3<T>* contact_moment;     // the same about the world's origin
+  Vec3<T>* contact_moment;     // [contacts] the same about the world's origin, beside accelerations
+  T* contact_pressed;          // [contacts] normal impulses over the step, added up
   T steps;                     // good ones of this call
 
   template <class Take>
@@ -48,11 +49,12 @@ struct Records {
     take("records.effort_sum", effort_sum, joints, Lifetime::state);
     take("records.contact", contact, t.record_contacts ? t.contacts.contacts.count : 0, Lifetime::state);
     const int velocities = t.record_accelerations ? t.velocities : 0;
-    const int contacts = t.record_accelerations ? t.contacts.contacts.count : 0;
+    const int contacts = t.sums_contacts() ? t.contacts.contacts.count : 0;
     take("records.before", before, velocities);
     take("records.acceleration", acceleration, velocities, Lifetime::state);
     take("records.contact_force", contact_force, contacts, Lifetime::state);
-    take("records.contact_moment", contact_moment, contacts, Lifetime::state);
+    take("records.contact_moment", contact_moment, t.record_accelerations ? contacts : 0, Lifetime::state);
+    take("records.contact_pressed", contact_pressed, contacts);
   }
 };
 

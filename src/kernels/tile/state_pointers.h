@@ -18,12 +18,13 @@ struct FaultPlace {
 
 /// What becomes of rows when an environment is reset, saved and restored.
 enum class RowKind {
-  state,   ///< reset and saved
-  input,   ///< the same, but a reset may keep them
-  field,   ///< a parameter: saved, not reset
-  memory,  ///< what the library keeps between steps: reset and saved; restored under other settings, it begins anew
-  result,  ///< of the last step: neither reset nor saved
-  label,   ///< who the environment is, and its episode: saved, not reset
+  state,    ///< reset and saved
+  input,    ///< the same, but a reset may keep them
+  field,    ///< a parameter: saved, not reset
+  memory,   ///< what the library keeps between steps: reset and saved; restored under other settings, it begins anew
+  reading,  ///< of the last step, for those who ask: 0 after a reset and a restore, and not saved
+  result,   ///< of the last step: neither reset nor saved
+  label,    ///< who the environment is, and its episode: saved, not reset
 };
 
 /// Rows of one name.
@@ -87,7 +88,7 @@ struct BatchRows {
 template <class S, class Act, class... All>
 inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const Act& act, All&... all) {
   constexpr RowKind state = RowKind::state, label = RowKind::label, input = RowKind::input, memory = RowKind::memory,
-                    result = RowKind::result, field = RowKind::field;
+                    reading = RowKind::reading, result = RowKind::result, field = RowKind::field;
   const int n = t.joints, inputs = n * t.input_times, roots = t.roots.count;
   const int angles = t.turning.count > 0 ? n : 0, impulses = t.record_impulses ? t.couplings : 0;
   const int reported = t.record_diagnostics ? t.reported.count : 0, energies = t.record_diagnostics ? 4 : 0;
@@ -124,12 +125,12 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   act(BatchBlock{"contact history", memory, history, 2 * history}, all.contact_history...);
   act(BatchBlock{"acceleration", memory, accelerations, accelerations}, all.acceleration...);
   act(BatchBlock{"wrenches of pairs", memory, wrenches, wrenches}, all.contact_wrench...);
-  act(BatchBlock{"impulse", result, impulses, impulses}, all.impulse...);
+  act(BatchBlock{"impulse", reading, impulses, impulses}, all.impulse...);
   act(BatchBlock{"loop force", memory, 6 * t.loops.loops.count, 6 * t.loops.loops.count}, all.loop_force...);
-  act(BatchBlock{"residual", result, reported, reported}, all.residual...);
-  act(BatchBlock{"row state", result, reported, reported}, all.row_state...);
-  act(BatchBlock{"solve counts", result, counts, counts}, all.solve_counts...);
-  act(BatchBlock{"energy", result, energies, energies}, all.energy...);
+  act(BatchBlock{"residual", reading, reported, reported}, all.residual...);
+  act(BatchBlock{"row state", reading, reported, reported}, all.row_state...);
+  act(BatchBlock{"solve counts", reading, counts, counts}, all.solve_counts...);
+  act(BatchBlock{"energy", reading, energies, energies}, all.energy...);
   // Motors have effort limits of their own, declared or not: see StatePointers.
   for (int f = 0; (t.per_environment != 0 || limits > 0) && f < parameter_count; ++f)
     act(BatchBlock{nullptr, field, t.declares(Parameter(f)) ? rows_of(t, Parameter(f)) : 0, 0, f}, all.fields[f]...);

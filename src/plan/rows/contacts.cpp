@@ -57,6 +57,8 @@ double inner_radius(const ColliderPlace<double>& collider, const ContactTables<d
     case ShapeKind::box:
     case ShapeKind::ellipsoid: return std::min({collider.size[0], collider.size[1], collider.size[2]});
     case ShapeKind::cylinder: return std::min(collider.size[0], collider.size[1]);
+    case ShapeKind::half_space:
+    case ShapeKind::height_field: return infinity;
     default: return collider.size[0];
   }
 }
@@ -147,12 +149,13 @@ void put_heights(const Shape& shape, double reach, ColliderPlace<double>& collid
       for (Eigen::Index column = 0; column < matrix->cols(); ++column) numbers.push_back((*matrix)(row, column));
 }
 
-// By collider.
-std::vector<BodyPlace> places_of_colliders(const Program& program) {
+// By collider: its own, or its link's.
+std::vector<BodyPlace> places_of_colliders(const Program& program, bool of_links = false) {
   const ByName links(program.model.links);
   std::vector<BodyPlace> places;
   for (const Collider& collider : program.model.colliders)
-    places.push_back(place_of(program, links.find(collider.link), Eigen::Isometry3d(collider.pose)));
+    places.push_back(place_of(program, links.find(collider.link),
+                              of_links ? Eigen::Isometry3d::Identity() : Eigen::Isometry3d(collider.pose)));
   return places;
 }
 
@@ -223,9 +226,14 @@ void lay_out_contacts(Program& program) {
   std::vector<HullStructure> hulls;
   std::vector<HeightStructure> fields;
   std::vector<double> numbers;
-  const std::vector<BodyPlace> places = places_of_colliders(program);
+  const std::vector<BodyPlace> places = places_of_colliders(program), links = places_of_colliders(program, true);
   for (const Collider& collider : program.model.colliders) {
-    colliders.push_back(placed(collider, places[colliders.size()]));
+    const std::size_t c = colliders.size();
+    const bool in_link = t.declares(Parameter::collider_place) && !links[c].pose.matrix().isIdentity(0.0);
+    colliders.push_back(
+        placed(collider, in_link ? BodyPlace{links[c].body, Eigen::Isometry3d(collider.pose)} : places[c]));
+    colliders.back().in_link = in_link;
+    if (in_link) put_pose(links[c].pose, colliders.back().link_rotation, colliders.back().link_offset);
     if (collider.shape.kind == ShapeKind::hull) put_hull(collider.shape, colliders.back(), hulls, numbers);
   }
   for (std::size_t c = 0; c < colliders.size(); ++c) {
@@ -258,13 +266,12 @@ void lay_out_contacts(Program& program) {
           &other = colliders[static_cast<std::size_t>(pair.second)];
     pair.slack = slack_share * (is_ground(one.kind) ? other.reach : std::min(one.reach, other.reach));
     pair.by_boxes = is_convex(pair.kind) || pair.kind == PairKind::box_box || pair.kind == PairKind::box_capsule;
-    if (is_convex(pair.kind)) {
-      pair.memory = t.contacts.convex++;
-      pair.size = one.reach + other.reach;
-      pair.apart = std::min({most_apart, 0.1 * inner_radius(one, t.contacts), 0.1 * inner_radius(other, t.contacts)});
-    } else {
-      pair.memory = -1;
-    }
+    const double inner = inner_radius(one, t.contacts), other_inner = inner_radius(other, t.contacts);
+    pair.memory = is_convex(pair.kind) ? t.contacts.convex++ : -1;
+    pair.size = one.reach + other.reach;
+    pair.apart = std::min({most_apart, 0.1 * inner, 0.1 * other_inner});
+    // Sizes of environments may be smaller than the model's.
+    pair.middle = (inner + other_inner) / (t.declares(Parameter::collider_size) ? most_growth : 1.0);
 
     // The columns of its velocities (M108), and the entries of the matrix between them.
     pair.column = static_cast<int>(columns.size()), pair.entry = static_cast<int>(entries.size());

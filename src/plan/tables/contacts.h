@@ -95,11 +95,15 @@ struct ColliderStructure {
   ShapeKind kind;
   int table = -1;        ///< in ContactStructure::hulls, or in height_fields
   bool scanned = false;  ///< stands still, and Quantity::height_scan sees it
+  /// It has a place of its own, and its link is no body of its own: rotation and offset are those in the link.
+  bool in_link = false;
 };
 template <class S>
 struct ColliderPlace : ColliderStructure {
   S rotation[9];  ///< collider coordinates to body coordinates, or to the world's, row-major
   S offset[3];
+  S link_rotation[9];  ///< if `in_link`: the link's coordinates to those of the body, or of the world
+  S link_offset[3];
   S size[3];  ///< as in kernels/tile/contact_arrays.h
   S reach;    ///< radius of a sphere about its centre that holds it; 0 for a half-space
   S half[3];  ///< half the edges of a box about its centre, along its axes, that holds it; 0 for a half-space
@@ -107,6 +111,7 @@ struct ColliderPlace : ColliderStructure {
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.rotation, to.rotation), visit(from.offset, to.offset), visit(from.size, to.size);
+    visit(from.link_rotation, to.link_rotation), visit(from.link_offset, to.link_offset);
     visit(from.reach, to.reach), visit(from.half, to.half);
   }
 };
@@ -132,7 +137,8 @@ struct TouchingPair : TouchingStructure {
   S friction, restitution;
   S torsion_radius, rolling_radius;  ///< (M171): of friction about the normal and the tangents, m
   S rate, cfm, cfm_per_response;     ///< as those of RowSoftness
-  S apart, size;                     ///< of a convex pair: see (M156), and the reach of both, m
+  S apart, size;                     ///< see (M156), and the reach of both, m
+  S middle;                          ///< m: no overlap is deeper before the middles have passed each other
   S slack;                           ///< m: slots keep their corners until another one is deeper by this
 
   template <class From, class To, class Visit>
@@ -140,7 +146,8 @@ struct TouchingPair : TouchingStructure {
     visit(from.friction, to.friction), visit(from.restitution, to.restitution);
     visit(from.torsion_radius, to.torsion_radius), visit(from.rolling_radius, to.rolling_radius);
     visit(from.rate, to.rate), visit(from.cfm, to.cfm), visit(from.cfm_per_response, to.cfm_per_response);
-    visit(from.apart, to.apart), visit(from.size, to.size), visit(from.slack, to.slack);
+    visit(from.apart, to.apart), visit(from.size, to.size), visit(from.middle, to.middle);
+    visit(from.slack, to.slack);
   }
 };
 
