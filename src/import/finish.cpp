@@ -58,7 +58,7 @@ void report_joints(const Model& model, Report& report) {
 
 void report_colliders(const Model& model, const ImportOptions& options, Report& report) {
   if (options.colliders && model.colliders.empty())
-    report.warn("colliders are asked for, and the file has no shape that could be one", model.name);
+    report.warn("the file has no shape that could be a collider", model.name);
   const std::vector<std::string> ends = model.end_colliders();
   if (ends.size() < model.colliders.size())
     for (const std::string& name : ends)
