@@ -119,8 +119,7 @@ TEST(Oddities, colliders_without_any_pair_are_warned_of) {
     options.change = [&](Model& model) { model.contacts = contacts; };
     return import_urdf(text, "", options).warnings;
   };
-  EXPECT_EQ(warned(arm(), {}),
-            std::vector<string>{"the file has no shape that could be a collider (1): r"});
+  EXPECT_EQ(warned(arm(), {}), std::vector<string>{"the file has no shape that could be a collider (1): r"});
   const std::vector<string> nothing{"colliders that touch nothing, as Model::contacts declares no pair (1): arm"};
   EXPECT_EQ(warned(arm("", ball), {}), nothing);
   EXPECT_EQ(warned(arm("", ball), {{"robot", "robot"}}), nothing);  // of one collider no pair can be made
