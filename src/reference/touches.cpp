@@ -42,52 +42,6 @@ Points lower_rim(double radius, double length, const Vector3d& normal) {
   return {at(0.0, z), at(quarter, z), at(2 * quarter, z), at(3 * quarter, z)};
 }
 
-// The lowest corners along four directions that lean by 0.03, each once.
-Points lower_corners(const Eigen::Matrix3Xd& points, const Vector3d& normal, const Vector3d& t, const Vector3d& u) {
-  Points found;
-  for (const double up : {-0.0306, 0.0306})
-    for (const double right : {-0.03, 0.03}) {
-      Eigen::Index lowest = 0;
-      ((normal - right * t - up * u).transpose() * points).minCoeff(&lowest);
-      if (std::find(found.begin(), found.end(), points.col(lowest)) == found.end()) found.push_back(points.col(lowest));
-    }
-  return found;
-}
-
-// Centres of balls on a plane through the origin of `frame`, in the body's own frame.
-struct Standing {
-  Points centers;
-  double radius = 0.0;
-};
-
-Standing standing_on(const Eigen::Matrix3d& frame, const Solid& body) {
-  const Vector3d n = frame.col(2), size = body.collider->shape.size;
-  const auto seen = [&](const Vector3d& v) { return Vector3d(body.pose.linear().transpose() * v); };
-  Standing standing;
-  Points& centers = standing.centers;
-  double& radius = standing.radius;
-  switch (body.collider->shape.kind) {
-    case ShapeKind::sphere: centers = {Vector3d::Zero()}, radius = size[0]; break;
-    case ShapeKind::capsule:
-      centers = {Vector3d(0, 0, -0.5 * size[1]), Vector3d(0, 0, 0.5 * size[1])}, radius = size[0];
-      break;
-    case ShapeKind::box: centers = lower_face(size, seen(n)); break;
-    case ShapeKind::cylinder: centers = lower_rim(size[0], size[1], seen(n)); break;
-    case ShapeKind::ellipsoid: {  // where the gradient of sum (x / s)^2 is along -n
-      const Vector3d scaled = size.cwiseProduct(seen(n));
-      centers = {-size.cwiseProduct(scaled) / scaled.norm()};
-      break;
-    }
-    case ShapeKind::hull:
-      centers = lower_corners(body.collider->shape.points, seen(n), seen(frame.col(0)), seen(frame.col(1)));
-      radius = size[0];
-      break;
-    case ShapeKind::half_space:
-    case ShapeKind::height_field: throw std::logic_error("two grounds");
-  }
-  return standing;
-}
-
 // Of the volume, in the shape's frame.
 Vector3d middle_of(const Shape& shape) {
   return shape.kind == ShapeKind::hull ? Vector3d(solid_of(hull_of(shape.points)).center) : Vector3d::Zero();
@@ -106,9 +60,66 @@ double reach_of(const Shape& shape) {
   }
 }
 
+// The lowest corners along four directions that lean, each once. The lowest of all is one of them, unless it is lower
+// by rounding alone: then it takes the place of the highest.
+Points lower_corners(const Eigen::Matrix3Xd& points, const Vector3d& normal, const Vector3d& t, const Vector3d& u,
+                     double lean, double slack) {
+  const auto lowest_along = [&](const Vector3d& direction) -> Vector3d {
+    Eigen::Index lowest = 0;
+    (direction.transpose() * points).minCoeff(&lowest);
+    return points.col(lowest);
+  };
+  Points all;
+  for (const double up : {-1.02 * lean, 1.02 * lean})
+    for (const double right : {-lean, lean}) all.push_back(lowest_along(normal - right * t - up * u));
+  const auto lower = [&](const Vector3d& a, const Vector3d& b) { return normal.dot(a) < normal.dot(b); };
+  const auto [least, highest] = std::minmax_element(all.begin(), all.end(), lower);
+  const Vector3d lowest = lowest_along(normal);
+  if (normal.dot(*least - lowest) > slack) *std::find(all.begin(), all.end(), Vector3d(*highest)) = lowest;
+  Points found;
+  for (const Vector3d& corner : all)
+    if (std::find(found.begin(), found.end(), corner) == found.end()) found.push_back(corner);
+  return found;
+}
+
+// Centres of balls on a plane through the origin of `frame`, in the body's own frame.
+struct Standing {
+  Points centers;
+  double radius = 0.0;
+};
+
+Standing standing_on(const Eigen::Matrix3d& frame, const Solid& body, double lean) {
+  const Vector3d n = frame.col(2), size = body.collider->shape.size;
+  const auto seen = [&](const Vector3d& v) { return Vector3d(body.pose.linear().transpose() * v); };
+  Standing standing;
+  Points& centers = standing.centers;
+  double& radius = standing.radius;
+  switch (body.collider->shape.kind) {
+    case ShapeKind::sphere: centers = {Vector3d::Zero()}, radius = size[0]; break;
+    case ShapeKind::capsule:
+      centers = {Vector3d(0, 0, -0.5 * size[1]), Vector3d(0, 0, 0.5 * size[1])}, radius = size[0];
+      break;
+    case ShapeKind::box: centers = lower_face(size, seen(n)); break;
+    case ShapeKind::cylinder: centers = lower_rim(size[0], size[1], seen(n)); break;
+    case ShapeKind::ellipsoid: {  // where the gradient of sum (x / s)^2 is along -n
+      const Vector3d scaled = size.cwiseProduct(seen(n));
+      centers = {-size.cwiseProduct(scaled) / scaled.norm()};
+      break;
+    }
+    case ShapeKind::hull:
+      centers = lower_corners(body.collider->shape.points, seen(n), seen(frame.col(0)), seen(frame.col(1)), lean,
+                              2e-4 * reach_of(body.collider->shape));
+      radius = size[0];
+      break;
+    case ShapeKind::half_space:
+    case ShapeKind::height_field: throw std::logic_error("two grounds");
+  }
+  return standing;
+}
+
 std::vector<Touch> on_plane(const Solid& plane, const Solid& body) {
   const Vector3d n = plane.pose.linear().col(2);
-  const auto [centers, radius] = standing_on(plane.pose.linear(), body);
+  const auto [centers, radius] = standing_on(plane.pose.linear(), body, 0.03);
   std::vector<Touch> touches;
   for (const Vector3d& own : centers) {
     const Vector3d center = body.pose * own;
@@ -170,7 +181,7 @@ std::vector<Touch> on_field(const Solid& ground, const Solid& body) {
   Eigen::Matrix3d frame;
   frame.col(2) = along.cross(across).normalized(), frame.col(0) = along.normalized();
   frame.col(1) = frame.col(2).cross(frame.col(0));
-  const auto [centers, radius] = standing_on(ground.pose.linear() * frame, body);
+  const auto [centers, radius] = standing_on(ground.pose.linear() * frame, body, 0.6);
   std::vector<Touch> touches;
   for (const Vector3d& own : centers) {
     const Vector3d p = ground.pose.inverse() * (body.pose * own);

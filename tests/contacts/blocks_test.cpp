@@ -195,9 +195,8 @@ TYPED_TEST(Blocks, fast_bodies_do_not_pass_through) {
   }
 }
 
-// Painleve's rod: where friction of this size asks for two forces or none, the compliance decides. The rod sinks in
-// until its force throws it back, and it sinks less in smaller steps. Energy never comes from nowhere, up to the error
-// of the step.
+// Painleve's rod: where friction of this size asks for two forces or none, the rod jams and is thrown back. It does not
+// sink, and energy never comes from nowhere, up to the error of the step.
 TYPED_TEST(Blocks, a_rod_that_jams_by_friction_is_thrown_back_without_energy_from_nowhere) {
   const double tilt = -0.4, length = 1.0, radius = 0.01;
   Model model;
@@ -229,8 +228,7 @@ TYPED_TEST(Blocks, a_rod_that_jams_by_friction_is_thrown_back_without_energy_fro
     }
     EXPECT_EQ(batch.faults()[0], Fault::none);
   }
-  EXPECT_LT(deepest[0], 0.01);
-  EXPECT_LT(deepest[1], 0.25 * deepest[0]);
+  EXPECT_LT(std::max(deepest[0], deepest[1]), 2e-5);
   EXPECT_LT(gained[0], 0.02);  // of 9 J
   EXPECT_LT(gained[1], 0.25 * gained[0]);
 }

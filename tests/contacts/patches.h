@@ -119,7 +119,11 @@ void touch_wide(PairKind kind, const kernels::PlacedShape<T>& a, const kernels::
     case PairKind::half_space_box: return kernels::half_space_box(a, b, margin, patch);
     case PairKind::half_space_capsule: return kernels::half_space_capsule(a, b, margin, patch);
     case PairKind::half_space_sphere: return kernels::half_space_sphere(a, b, margin, patch);
-    case PairKind::box_box: return kernels::box_box(a, b, margin, patch);
+    case PairKind::box_box: {
+      TouchingPair<simd::ScalarOf<T>> numbers{};
+      numbers.apart = simd::ScalarOf<T>(1e-4), numbers.size = simd::ScalarOf<T>(1);
+      return kernels::box_box(a, b, numbers, ~T::none(), margin, patch);
+    }
     case PairKind::box_capsule: return kernels::box_capsule(a, b, margin, patch);
     case PairKind::box_sphere: return kernels::box_sphere(a, b, margin, patch);
     case PairKind::capsule_capsule: return kernels::capsule_capsule(a, b, margin, patch);

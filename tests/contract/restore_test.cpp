@@ -231,7 +231,7 @@ TEST(Restore, and_reset_leave_no_readings_of_another_state) {
     return std::abs(batch.coupling_impulses()(0, e)) + batch.energy_balances().col(e).abs().sum();
   };
   batch.step(5);
-  for (int e = 0; e < 3; ++e) EXPECT_GT(read_all(e), 0.1);
+  for (int e = 0; e < 3; ++e) EXPECT_GT(read_all(e), 1e-3);
   const int into[] = {1}, from[] = {0}, again[] = {2};
   const double kept = read_all(0);
   batch.restore(start, into, from);

@@ -239,11 +239,11 @@ TEST(Linearize, refuses_loops_and_couplings_that_do_not_hold) {
   model.links.back().name = "second";
   model.joints.push_back(model.joints.back());
   model.joints.back().name = "follower", model.joints.back().child = "second";
-  model.couplings = {Coupling::mimic("follower", model.joints[0].name, 1.0)};
+  model.couplings = {Coupling::mimic("follower", model.joints[0].name, -1.0)};
   model.couplings[0].force_limit = 2.0;
   Batch<double> pair(compile(model, settings), 3, {.threads = 1});
   EXPECT_EQ(words(pair), "");
-  pair.positions()(1, 2) = 0.05;
+  pair.positions()(1, 2) += 0.05;
   EXPECT_NE(words(pair).find("environment 2: has the coupling"), std::string::npos) << words(pair);
 }
 

@@ -253,6 +253,7 @@ TEST(Combinations, have_derivatives_of_two_steps_that_are_a_product) {
     SCOPED_TRACE(scene.name);
     scene.settings.contacts = {10, 200, 1e-11};
     Batch<double> batch = disturbed(compile(scene.model, scene.settings), environments, 20);
+    batch.project();  // what has slipped is no function of the state
     if (scene.has("late")) {
       EXPECT_THROW(batch.linearize(), UsageError);
       continue;

@@ -13,6 +13,7 @@ namespace {
 
 constexpr double hard_compliance = 1e-3;  // (M104), of the response
 constexpr double most_apart = 1e-3;       // m, (M156)
+constexpr double bottomless = 1e9;        // m
 constexpr double slack_share = 2e-4;      // of the smaller one's reach: section 23
 
 PairKind kind_of_pair(ShapeKind first, ShapeKind second) {
@@ -58,7 +59,7 @@ double inner_radius(const ColliderPlace<double>& collider, const ContactTables<d
     case ShapeKind::ellipsoid: return std::min({collider.size[0], collider.size[1], collider.size[2]});
     case ShapeKind::cylinder: return std::min(collider.size[0], collider.size[1]);
     case ShapeKind::half_space:
-    case ShapeKind::height_field: return infinity;
+    case ShapeKind::height_field: return bottomless;
     default: return collider.size[0];
   }
 }
