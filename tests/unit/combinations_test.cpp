@@ -253,9 +253,18 @@ TEST(Combinations, have_derivatives_of_two_steps_that_are_a_product) {
     SCOPED_TRACE(scene.name);
     scene.settings.contacts = {10, 200, 1e-11};
     Batch<double> batch = disturbed(compile(scene.model, scene.settings), environments, 20);
-    batch.project();  // what has slipped is no function of the state
-    if (scene.has("late")) {
+    const bool gives_way =
+        std::ranges::any_of(scene.model.loops, [](const Loop& loop) { return !is_hard(loop.softness); });
+    if (scene.has("late") || gives_way) {
       EXPECT_THROW(batch.linearize(), UsageError);
+      continue;
+    }
+    // What has slipped is no function of the state.
+    const bool may_slip = std::ranges::any_of(scene.model.couplings,
+                                              [](const Coupling& coupling) { return coupling.force_limit < infinity; });
+    if (may_slip && batch.coupling_errors().abs().maxCoeff() > 1e-3) {
+      batch.project();
+      batch.linearize();
       continue;
     }
     const auto both = batch.linearize(EnvironmentSet::all(), {.substeps = 2}), first = batch.linearize();
