@@ -168,11 +168,10 @@ class Differences {
   Eigen::VectorXd state_difference(const States& all, int forwards, int backwards) const {
     const auto dofs = static_cast<Eigen::Index>(dofs_.size());
     Eigen::VectorXd difference(states());
-    const Eigen::VectorXd ahead = beside(all.angles.col(forwards).matrix(), all.angles.col(backwards).matrix());
+    const Eigen::VectorXd way = position_difference(all, forwards, backwards);
     for (Eigen::Index k = 0; k < dofs; ++k) {
       const int dof = dofs_[static_cast<std::size_t>(k)];
-      difference[k] = ahead[dof] - all.angles(dof, backwards) +
-                      2.0 * std::numbers::pi * (all.turns(dof, forwards) - all.turns(dof, backwards));
+      difference[k] = way[dof];
       difference[half() + k] = all.velocities(dof, forwards) - all.velocities(dof, backwards);
     }
     for (int r = 0; r < roots_; ++r) {
@@ -203,9 +202,11 @@ class Differences {
         if (a.dot(b) < 0.0) difference.segment<4>(k) = a + b;
       }
       if (query.quantity == Quantity::position) {
-        const Eigen::VectorXd behind = all.record.col(backwards).segment(row, end - row).matrix();
-        difference.segment(row, end - row) =
-            beside(all.record.col(forwards).segment(row, end - row).matrix(), behind) - behind;
+        const Eigen::VectorXd way = position_difference(all, forwards, backwards);
+        for (int k = row; k < end; ++k) {
+          const auto element = static_cast<std::size_t>(k - row);
+          difference[k] = query.scale * way[query.elements.empty() ? k - row : query.elements[element]];
+        }
       }
       row = end;
     }
@@ -217,15 +218,17 @@ class Differences {
     return Eigen::Quaterniond(rows(first, e), rows(first + 1, e), rows(first + 2, e), rows(first + 3, e)).normalized();
   }
 
-  // Positions `ahead`, with the vectors of balls' turns on the side of pi of those `behind`.
-  Eigen::VectorXd beside(Eigen::VectorXd ahead, const Eigen::VectorXd& behind) const {
+  // By dof, with whole turns, and with both vectors of a ball's turn on one side of pi.
+  Eigen::VectorXd position_difference(const States& all, int forwards, int backwards) const {
+    Eigen::VectorXd ahead = all.angles.col(forwards).matrix();
+    const auto behind = all.angles.col(backwards).matrix();
     const TableStructure& t = program_of(plan_).f64;
     for (int b = 0; b < t.balls.count; ++b) {
       auto own = ahead.segment<3>(t.dof[t.balls[b].joint]);
       if ((own - behind.segment<3>(t.dof[t.balls[b].joint])).norm() > std::numbers::pi)
         own *= 1.0 - 2.0 * std::numbers::pi / own.norm();
     }
-    return ahead;
+    return ahead - behind + 2.0 * std::numbers::pi * (all.turns.col(forwards) - all.turns.col(backwards)).matrix();
   }
 
   // Along or about an axis of its own.

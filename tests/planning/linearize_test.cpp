@@ -264,9 +264,10 @@ TEST(Linearize, of_records_takes_turns_and_infinite_gaps_for_what_they_are) {
     const double angle = e == 0 ? 3.0 : std::numbers::pi - 1e-9;
     batch.positions().col(e) << 0.6 * angle, 0.8 * angle, 0.0;
   }
-  for (const Linearization& own :
-       batch.linearize(EnvironmentSet::all(), {.record = {{Quantity::position}, {Quantity::contact_gap}}})) {
+  const std::vector<Query> queries = {{Quantity::position}, {Quantity::contact_gap}, {Quantity::position, {1}, 2.0}};
+  for (const Linearization& own : batch.linearize(EnvironmentSet::all(), {.record = queries})) {
     EXPECT_EQ(own.fault, Fault::none);
+    EXPECT_TRUE(own.record_by_state.row(4).isApprox(2.0 * own.record_by_state.row(1)));
     EXPECT_TRUE(own.record_by_state.topRows(3).leftCols(3).isApprox(own.state_by_state.topLeftCorner(3, 3), 1e-6));
     EXPECT_LT(own.record_by_state.cwiseAbs().maxCoeff(), 10.0);
     EXPECT_TRUE((own.record_by_state.row(3).array() == 0.0).all());
