@@ -91,10 +91,10 @@ LOCKSTEP_INLINE T sliding_speed(const ContactSlot<T>& slot, const TurningFrictio
 }
 
 /// What a solve assumes of a slot before it knows: (M105). Friction above 1 holds nearly all that lands, and from a
-/// slip that is too large a slot would be let through.
+/// slip that is too large a slot would be let through. A single pass keeps what it begins with.
 template <class T>
-LOCKSTEP_INLINE T first_slip(T friction, T speed) {
-  return select(less(T(1), friction), T(0), friction * speed);
+LOCKSTEP_INLINE T first_slip(const Tables<ScalarOf<T>>& t, T friction, T speed) {
+  return t.contacts.passes > 1 ? select(less(T(1), friction), T(0), friction * speed) : friction * speed;
 }
 
 /// (M109): whether a slot bounces, and the share of the impulse that comes back. Velocities of semi-implicit Euler are
@@ -196,7 +196,8 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
     turning->drift = {taken_back(way.x), taken_back(way.y), taken_back(way.z)};
     turns = by_radii(pair, start.turning);
   }
-  slot.slip = slot.slip_before = slot.found_before = first_slip(patch.friction, sliding_speed(slot, turning, u, turns));
+  slot.slip = slot.slip_before = slot.found_before =
+      first_slip(t, patch.friction, sliding_speed(slot, turning, u, turns));
   slot.target = slot.bias + slot.slip;
 }
 

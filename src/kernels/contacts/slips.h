@@ -17,7 +17,7 @@ template <class T>
 void begin_slips(const Tables<ScalarOf<T>>& t, const T* z, Tile<T>& x) {
   slot_speeds(t, z, &ContactSlot<T>::speed, x);
   each_slot(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    slot.slip = first_slip(patch.friction, sliding_speed(slot, turning_of(pair, slot, x)));
+    slot.slip = first_slip(t, patch.friction, sliding_speed(slot, turning_of(pair, slot, x)));
     slot.target = slot.bias + slot.slip;
   });
 }
