@@ -316,8 +316,8 @@ class LOCKSTEP_API Batch {
   /// All environments, or those listed in that order, as bytes: state, inputs, declared parameters, faults, counts and
   /// what the library keeps between steps. restore() puts them into any places of any batch of that plan, scalar and
   /// byte order, where they continue with the same bits; with the same arithmetic, that is, as for any step. The
-  /// diagnostics and impulses of the last step are not saved; restore() leaves the batch's own. Throws UsageError for
-  /// an environment outside the batch.
+  /// diagnostics and impulses of the last step are not saved; restore() makes them 0. Throws UsageError for an
+  /// environment outside the batch.
   std::vector<std::byte> save() const;
   std::vector<std::byte> save(std::span<const int> ids) const;
   /// Environments of the blob into those of the batch: all, which must be as many, or those that `from` lists (all if
@@ -352,14 +352,12 @@ class LOCKSTEP_API Batch {
   /// Derivatives of the next step of each environment by state, input and parameter, (M144): centred differences of
   /// copies, which are placed as project() does it and keep what the environment remembers of contacts. The batch stays
   /// as it is. Takes a batch of its own for as long as it runs. A parameter at an end of its range, such as a friction
-  /// of 0, is moved away from it alone; what holds for several numbers together may break. Couplings and loops with a
-  /// force limit count as holding: where one has slipped, the derivatives are those of the state to which project()
-  /// takes it.
+  /// of 0, is moved away from it alone; what holds for several numbers together may break.
   ///
   /// Throws UsageError for a Batch<float>, whose differences would be rounding; for ContactSettings::tolerance above
   /// 1e-8, as differences of 1e-6 would drown in what solves leave; for fields that are not declared, switches and
-  /// infinite limits; and where an environment has a coupling or loop that is off or cannot be met, or a hard coupling
-  /// that is soft there.
+  /// infinite limits; for soft loops; and where an environment without a fault has a coupling or loop that is off,
+  /// cannot be met or has slipped, or a hard coupling that is soft there.
   std::vector<Linearization> linearize(const EnvironmentSet& which = EnvironmentSet::all(),
                                        const LinearizeOptions& options = {}) const;
 

@@ -296,7 +296,7 @@ class Shape:
 @dataclass
 class Collider:
     """A solid on a link, or in the world if link is "". It touches what Model.contacts says. pose: in the link's
-    frame. friction: a pair has the geometric mean. restitution: 0 to 1, a pair has the larger. group: "" is none.
+    frame. friction: 0 to 100, a pair has the geometric mean. restitution: 0 to 1, a pair has the larger. group: "" is none.
     torsional_friction, rolling_friction: the largest moments about normal and tangents over the normal force, m; a pair
     has the larger ones, in one cone with its friction, which must not be 0 then."""
 

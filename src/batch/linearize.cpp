@@ -79,8 +79,9 @@ void check_nothing_slipped(const Plan& plan, const Errors& couplings, const Erro
   const Model& model = plan.model();
   const std::vector<std::string> names = coupling_names(model);
   for (std::size_t c = 0; c < model.couplings.size(); ++c)
-    check("the coupling '" + names[c] + "'", model.couplings[c].force_limit,
-          [&](int e) { return std::abs(static_cast<double>(couplings(static_cast<Eigen::Index>(c), e))); });
+    if (is_hard(model.couplings[c].softness))  // followers of others are coordinates of their own
+      check("the coupling '" + names[c] + "'", model.couplings[c].force_limit,
+            [&](int e) { return std::abs(static_cast<double>(couplings(static_cast<Eigen::Index>(c), e))); });
   for (std::size_t l = 0; l < model.loops.size(); ++l)
     check("the loop '" + model.loops[l].name + "'", std::min(model.loops[l].force_limit, model.loops[l].torque_limit),
           [&](int e) {
@@ -300,8 +301,11 @@ std::vector<Linearization> Batch<S>::linearize(const EnvironmentSet& which, cons
     std::vector<int> ids;
     which.for_each(own.environments, [&](int e) { ids.push_back(e); });
     check_couplings_hold(own.plan, own.state_pointers(), ids);
-    check_loops_hold(own.plan, own.state_pointers(), ids);
-    check_nothing_slipped(own.plan, coupling_errors(), loop_errors(), ids);
+    std::vector<int> good;
+    std::ranges::copy_if(ids, std::back_inserter(good),
+                         [&](int e) { return faults()[static_cast<std::size_t>(e)] == Fault::none; });
+    check_loops_hold(own.plan, own.state_pointers(), good);
+    check_nothing_slipped(own.plan, coupling_errors(), loop_errors(), good);
     const Differences differences(own.plan, options, own.rules);
     const std::vector<std::byte> bytes = save(ids);
     const Blob blob = read_blob(bytes);

@@ -293,11 +293,11 @@ class Batch<S>::Impl::TileReader {
 
   void answer_loop_errors(const Query& query, int elements) {
     batch_.kernels.read(batch_.tables, tile_, 0, lanes_, {kernels::Quantity::loop_errors}, numbers_, lanes_, scratch_);
-    for_each_element(query, elements, [&](int i) {
-      S* const angles = numbers_ + (2 * i + 1) * lanes_;
+    for (int l = 0; l < elements; ++l) {
+      S* const angles = numbers_ + (2 * l + 1) * lanes_;
       std::transform(angles, angles + lanes_, angles, &angle_of_gap<S>);
-      put(numbers_ + 2 * i * lanes_, 2, lanes_);
-    });
+    }
+    for_each_element(query, elements, [&](int i) { put(numbers_ + 2 * i * lanes_, 2, lanes_); });
   }
 
   void scan_heights(const Query& query, const S* frame) {

@@ -10,7 +10,7 @@ struct Program;
 
 /// Of save points and of the hashes in them. Raise it where a number, a row or a setting gets another meaning: what was
 /// saved before is then refused, and not taken for what it is not.
-inline constexpr std::uint32_t identity_format = 10;
+inline constexpr std::uint32_t identity_format = 11;
 
 struct Identity {
   std::uint64_t plan, model;  ///< hashes

@@ -55,7 +55,7 @@ TEST(Restore, refuses_an_older_format_and_names_both_versions) {
   old[12] = std::byte(1);                                                       // the format
   old[56] = std::byte('0'), old[57] = std::byte('\n'), old[58] = std::byte(0);  // the version
   expect_words(refusal([&] { small.batch.restore(old); }),
-               {"format 1 of lockstep 0\\x0a,", std::string("lockstep ") + version() + " reads format 10"});
+               {"format 1 of lockstep 0\\x0a,", std::string("lockstep ") + version() + " reads format 11"});
 }
 
 TEST(Restore, shows_text_of_the_blob_on_one_line) {
@@ -114,8 +114,8 @@ TEST(Restore, refuses_another_byte_order_format_and_scalar) {
   std::reverse(other.begin() + 8, other.begin() + 12);
   expect_words(refusal([&] { small.batch.restore(other); }), {"other byte order"});
   other = small.blob;
-  other[12] = std::byte(11);
-  expect_words(refusal([&] { small.batch.restore(other); }), {"format 11", "format 10"});
+  other[12] = std::byte(12);
+  expect_words(refusal([&] { small.batch.restore(other); }), {"format 12", "format 11"});
   Batch<double> wide(small.plan, 3, {.threads = 1});
   expect_words(refusal([&] { wide.restore(small.blob); }), {"4 bytes", "8", "Batch<float>"});
   expect_words(refusal([&] { small.batch.restore(wide.save()); }), {"8 bytes", "4", "Batch<double>"});

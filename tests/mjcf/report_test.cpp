@@ -298,6 +298,11 @@ const std::vector<Line> lines = {
            "<contact><pair name='n' geom1='p' geom2='q' condim='6' friction='1 1 0.1 0.2 0.3'/></contact>"),
      "contact pairs whose two rolling frictions differ, taken as the first (1): n of p and q has 0.2 and 0.3",
      {.colliders = true}},
+    {true,
+     world(body("<joint/><geom name='p' size='1' friction='500'/>", "a") +
+           body("<joint/><geom name='q' size='1'/>", "b")),
+     "frictions above 100, taken as 100 (1): geom 'p'",
+     {.colliders = true}},
     {true, world(pair, "<option o_friction='1 0.5'><flag override='enable'/></option>"),
      "o_friction whose two tangential or two rolling frictions differ, taken as the first (1): option"},
     {false,

@@ -13,6 +13,7 @@
 
 #include "contact_softness.h"
 #include "model/by_name.h"
+#include "model/contact_pairs.h"
 #include "model/softness_numbers.h"
 #include "model/trees.h"
 #include "names.h"
@@ -118,6 +119,7 @@ class Collision {
                            fmt::format("{} of {}", name_of(geom.type), item));
     double friction[3] = {1.0, 0.005, 0.0001};
     element.numbers("friction", friction, 1, 3);
+    friction[0] = held_friction(friction[0], item);
     const std::string name = names_.unused(geom.name.empty() ? body.name : geom.name);
     const std::string& link = places_[b].link;
     const int carrier = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(links_.find(link))];
@@ -230,6 +232,7 @@ class Collision {
       return report().warn("contact pairs that cannot move against each other, left out", element.place());
     double friction[5] = {1.0, 1.0, 0.005, 0.0001, 0.0001};
     element.numbers("friction", friction, 1, 5);
+    friction[0] = held_friction(friction[0], pair_name_of(element)), friction[1] = std::min(friction[1], most_friction);
     const int dimension = dimension_of(element);
     if (dimension > 1 && friction[0] != friction[1])
       report().warn("contact pairs whose two tangential frictions differ, taken as the first",
@@ -244,9 +247,17 @@ class Collision {
          std::max(0.0, element.number("margin", 0.0) - element.number("gap", 0.0))});
   }
 
+  double held_friction(double friction, const std::string& item) const {
+    if (friction > most_friction) report().warn("frictions above 100, taken as 100", item);
+    return std::min(friction, most_friction);
+  }
+
   void add(const Touch& a, const Touch& b, Law law) {
     if (const auto& all = scene_.settings.all_contacts)
-      law = {{all->friction[0], all->friction[2], all->friction[3]}, law.dimension, all->yielding, all->margin};
+      law = {{std::min(all->friction[0], most_friction), all->friction[2], all->friction[3]},
+             law.dimension,
+             all->yielding,
+             all->margin};
     if (!seen_.insert(std::minmax({a.collider, b.collider})).second) return;
     if (seen_.size() > most_contacts)
       scene_.bodies.all[a.body].geoms.front().element.fail(

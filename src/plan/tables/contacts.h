@@ -95,7 +95,8 @@ struct ColliderStructure {
   ShapeKind kind;
   int table = -1;        ///< in ContactStructure::hulls, or in height_fields
   bool scanned = false;  ///< stands still, and Quantity::height_scan sees it
-  /// It has a place of its own, and its link is no body of its own: rotation and offset are those in the link.
+  /// It has a place of its own, and its link's axes are not those of the body or the world that carries it: rotation
+  /// and offset are those in the link.
   bool in_link = false;
 };
 template <class S>
