@@ -263,7 +263,9 @@ TEST(Combinations, have_derivatives_of_two_steps_that_are_a_product) {
     const bool may_slip = std::ranges::any_of(scene.model.couplings,
                                               [](const Coupling& coupling) { return coupling.force_limit < infinity; });
     if (may_slip && batch.coupling_errors().abs().maxCoeff() > 1e-3) {
-      if (batch.coupling_errors().abs().maxCoeff() > 2e-3) EXPECT_THROW(batch.linearize(), UsageError);
+      if (batch.coupling_errors().abs().maxCoeff() > 2e-3) {
+        EXPECT_THROW(batch.linearize(), UsageError);
+      }
       batch.project();
       for (const Linearization& own : batch.linearize())
         EXPECT_TRUE(own.fault == Fault::none && own.state_by_state.allFinite());
