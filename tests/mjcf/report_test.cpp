@@ -301,7 +301,7 @@ const std::vector<Line> lines = {
     {true,
      world(body("<joint/><geom name='p' size='1' friction='500'/>", "a") +
            body("<joint/><geom name='q' size='1'/>", "b")),
-     "frictions above 100, taken as 100 (1): geom 'p'",
+     "frictions above 100, taken as 100 (1): p",
      {.colliders = true}},
     {true, world(pair, "<option o_friction='1 0.5'><flag override='enable'/></option>"),
      "o_friction whose two tangential or two rolling frictions differ, taken as the first (1): option"},
