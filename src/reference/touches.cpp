@@ -42,43 +42,15 @@ Points lower_rim(double radius, double length, const Vector3d& normal) {
   return {at(0.0, z), at(quarter, z), at(2 * quarter, z), at(3 * quarter, z)};
 }
 
-// Of the volume, in the shape's frame.
-Vector3d middle_of(const Shape& shape) {
-  return shape.kind == ShapeKind::hull ? Vector3d(solid_of(hull_of(shape.points)).center) : Vector3d::Zero();
-}
-
-// Of a ball about its middle that holds it.
-double reach_of(const Shape& shape) {
-  const Vector3d& size = shape.size;
-  switch (shape.kind) {
-    case ShapeKind::box: return 0.5 * size.norm();
-    case ShapeKind::ellipsoid: return size.maxCoeff();
-    case ShapeKind::cylinder: return std::hypot(size[0], 0.5 * size[1]);
-    case ShapeKind::capsule: return size[0] + 0.5 * size[1];
-    case ShapeKind::hull: return (shape.points.colwise() - middle_of(shape)).colwise().norm().maxCoeff() + size[0];
-    default: return size[0];
-  }
-}
-
-// The lowest corners along four directions that lean, each once. The lowest of all is one of them, unless it is lower
-// by rounding alone: then it takes the place of the highest.
-Points lower_corners(const Eigen::Matrix3Xd& points, const Vector3d& normal, const Vector3d& t, const Vector3d& u,
-                     double lean, double slack) {
-  const auto lowest_along = [&](const Vector3d& direction) -> Vector3d {
-    Eigen::Index lowest = 0;
-    (direction.transpose() * points).minCoeff(&lowest);
-    return points.col(lowest);
-  };
-  Points all;
-  for (const double up : {-1.02 * lean, 1.02 * lean})
-    for (const double right : {-lean, lean}) all.push_back(lowest_along(normal - right * t - up * u));
-  const auto lower = [&](const Vector3d& a, const Vector3d& b) { return normal.dot(a) < normal.dot(b); };
-  const auto [least, highest] = std::minmax_element(all.begin(), all.end(), lower);
-  const Vector3d lowest = lowest_along(normal);
-  if (normal.dot(*least - lowest) > slack) *std::find(all.begin(), all.end(), Vector3d(*highest)) = lowest;
+// The lowest corners along four directions that lean by 0.03, each once.
+Points lower_corners(const Eigen::Matrix3Xd& points, const Vector3d& normal, const Vector3d& t, const Vector3d& u) {
   Points found;
-  for (const Vector3d& corner : all)
-    if (std::find(found.begin(), found.end(), corner) == found.end()) found.push_back(corner);
+  for (const double up : {-0.0306, 0.0306})
+    for (const double right : {-0.03, 0.03}) {
+      Eigen::Index lowest = 0;
+      ((normal - right * t - up * u).transpose() * points).minCoeff(&lowest);
+      if (std::find(found.begin(), found.end(), points.col(lowest)) == found.end()) found.push_back(points.col(lowest));
+    }
   return found;
 }
 
@@ -88,7 +60,7 @@ struct Standing {
   double radius = 0.0;
 };
 
-Standing standing_on(const Eigen::Matrix3d& frame, const Solid& body, double lean) {
+Standing standing_on(const Eigen::Matrix3d& frame, const Solid& body) {
   const Vector3d n = frame.col(2), size = body.collider->shape.size;
   const auto seen = [&](const Vector3d& v) { return Vector3d(body.pose.linear().transpose() * v); };
   Standing standing;
@@ -107,8 +79,7 @@ Standing standing_on(const Eigen::Matrix3d& frame, const Solid& body, double lea
       break;
     }
     case ShapeKind::hull:
-      centers = lower_corners(body.collider->shape.points, seen(n), seen(frame.col(0)), seen(frame.col(1)), lean,
-                              2e-4 * reach_of(body.collider->shape));
+      centers = lower_corners(body.collider->shape.points, seen(n), seen(frame.col(0)), seen(frame.col(1)));
       radius = size[0];
       break;
     case ShapeKind::half_space:
@@ -117,9 +88,27 @@ Standing standing_on(const Eigen::Matrix3d& frame, const Solid& body, double lea
   return standing;
 }
 
+// Of the volume, in the shape's frame.
+Vector3d middle_of(const Shape& shape) {
+  return shape.kind == ShapeKind::hull ? Vector3d(solid_of(hull_of(shape.points)).center) : Vector3d::Zero();
+}
+
+// Of a ball about its middle that holds it.
+double reach_of(const Shape& shape) {
+  const Vector3d& size = shape.size;
+  switch (shape.kind) {
+    case ShapeKind::box: return 0.5 * size.norm();
+    case ShapeKind::ellipsoid: return size.maxCoeff();
+    case ShapeKind::cylinder: return std::hypot(size[0], 0.5 * size[1]);
+    case ShapeKind::capsule: return size[0] + 0.5 * size[1];
+    case ShapeKind::hull: return (shape.points.colwise() - middle_of(shape)).colwise().norm().maxCoeff() + size[0];
+    default: return size[0];
+  }
+}
+
 std::vector<Touch> on_plane(const Solid& plane, const Solid& body) {
   const Vector3d n = plane.pose.linear().col(2);
-  const auto [centers, radius] = standing_on(plane.pose.linear(), body, 0.03);
+  const auto [centers, radius] = standing_on(plane.pose.linear(), body);
   std::vector<Touch> touches;
   for (const Vector3d& own : centers) {
     const Vector3d center = body.pose * own;
@@ -181,7 +170,7 @@ std::vector<Touch> on_field(const Solid& ground, const Solid& body) {
   Eigen::Matrix3d frame;
   frame.col(2) = along.cross(across).normalized(), frame.col(0) = along.normalized();
   frame.col(1) = frame.col(2).cross(frame.col(0));
-  const auto [centers, radius] = standing_on(ground.pose.linear() * frame, body, 0.6);
+  const auto [centers, radius] = standing_on(ground.pose.linear() * frame, body);
   std::vector<Touch> touches;
   for (const Vector3d& own : centers) {
     const Vector3d p = ground.pose.inverse() * (body.pose * own);

@@ -125,7 +125,7 @@ TYPED_TEST(Arms, hold_random_boxes_through_lift_and_shake_with_parallel_fingers)
         EXPECT_GT(own.tail(plan.query_rows(queries[4])).minCoeff(), -5e-4) << where;
         if (t < 3.0) continue;
         if (!held[e]) held[e] = seen;
-        EXPECT_LT((seen.translation() - held[e]->translation()).norm(), sizeof(TypeParam) == 4 ? 6e-4 : 3e-4) << where;
+        EXPECT_LT((seen.translation() - held[e]->translation()).norm(), 3e-4) << where;
         EXPECT_GT(own[2], 0.1) << where;
       }
     }

@@ -365,7 +365,7 @@ Touch on_half_space(const Solid& solid, const Shape& plane, const Shape& placed)
   switch (solid.kind) {
     case ShapeKind::cylinder: kernels::half_space_cylinder(a, b, margin, patch); break;
     case ShapeKind::ellipsoid: kernels::half_space_ellipsoid(a, b, margin, patch); break;
-    default: kernels::half_space_hull(a, core.core, b, kernels::flat_lean, T(0), patch);
+    default: kernels::half_space_hull(a, core.core, b, T(0), patch);
   }
   return get(patch, solid.kind == ShapeKind::ellipsoid ? 1 : 4, 0);
 }

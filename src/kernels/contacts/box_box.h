@@ -27,7 +27,8 @@ SeparatingAxis<T> separating_axis(const PlacedShape<T>& first, const PlacedShape
   using S = ScalarOf<T>;
   const T *const a = first.size, *const b = second.size;
   const T least_a = smaller(a[0], smaller(a[1], a[2])), least_b = smaller(b[0], smaller(b[1], b[2]));
-  const T hysteresis = T(S(1e-3)) * smaller(least_a, least_b), of_edges = T(S(2)) * hysteresis;
+  const T hysteresis = T(S(1e-3)) * smaller(least_a, least_b),
+          of_edges = smaller(T(S(1e-3)) * (least_a + least_b), T(S(10)) * hysteresis);
   SeparatingAxis<T> best{T(S(-1e30)), T(0), Vec3<T>::zero()};
   const auto take = [&](T separation, T ahead, int number, const Vec3<T>& n, typename T::Mask may) LOCKSTEP_INLINED {
     const auto wins = may & less(best.separation + ahead, separation);

@@ -51,7 +51,7 @@ void touch_shapes(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
     case PairKind::half_space_box: return half_space_box(a, b, margin, patch);
     case PairKind::half_space_hull: {
       const HullTable<S> hull = hull_at<T>(t, pair.second);
-      return half_space_hull(a, core_of(t, pair.second, after, hull), b, flat_lean, T(pair.slack), patch);
+      return half_space_hull(a, core_of(t, pair.second, after, hull), b, T(pair.slack), patch);
     }
     case PairKind::half_space_cylinder: return half_space_cylinder(a, b, margin, patch);
     case PairKind::half_space_ellipsoid: return half_space_ellipsoid(a, b, margin, patch);

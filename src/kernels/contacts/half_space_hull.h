@@ -5,15 +5,12 @@
 
 namespace lockstep::kernels {
 
-constexpr double flat_lean = 0.03;   ///< over a plane: corners of the side that lies on it
-constexpr double widest_lean = 0.6;  ///< over ground whose parts lean otherwise than its mean
-
-/// Four directions lean by `lean` from straight down, unlike along the two tangents, so that a square does not have two
+/// Four directions lean by 0.03 from straight down, unlike along the two tangents, so that a square does not have two
 /// corners alike. The lowest corner takes the highest one's place where it is lower than all of them by more than
 /// `slack`. It is not always a corner of the face that looks most down.
 template <class T>
-void half_space_hull(const PlacedShape<T>& plane, const Core<T>& hull, const PlacedShape<T>& placed, double lean,
-                     T slack, Patch<T>& patch) {
+void half_space_hull(const PlacedShape<T>& plane, const Core<T>& hull, const PlacedShape<T>& placed, T slack,
+                     Patch<T>& patch) {
   using S = ScalarOf<T>;
   frame_of_plane(plane, patch);
   const auto seen = [&](const Vec3<T>& v) LOCKSTEP_INLINED { return multiply_transposed(placed.rotation, v); };
@@ -23,7 +20,7 @@ void half_space_hull(const PlacedShape<T>& plane, const Core<T>& hull, const Pla
   const SupportPoint<T> lowest = support(hull, down);
   T highest = T(S(1e30)), least = T(S(-1e30));  // along `down`
   for (int slot = 0; slot < 4; ++slot) {
-    const T right = T(S(slot % 2 == 0 ? -lean : lean)), up = T(S(1.02 * (slot < 2 ? -lean : lean)));
+    const T right = T(S(slot % 2 == 0 ? -0.03 : 0.03)), up = T(S(slot < 2 ? -0.0306 : 0.0306));
     corner[slot] = support(hull, fma(t, right, fma(u, up, down)));
     const T along = dot(down, corner[slot].point);
     highest = smaller(highest, along), least = larger(least, along);

@@ -201,7 +201,7 @@ void find_ground_points(const HeightTable<ScalarOf<T>>& field, const PlacedShape
     case ShapeKind::box: half_space_box(plane, seen, none, patch); break;
     case ShapeKind::cylinder: half_space_cylinder(plane, seen, none, patch); break;
     case ShapeKind::ellipsoid: half_space_ellipsoid(plane, seen, none, patch); break;
-    default: half_space_hull(plane, core, seen, widest_lean, slack, patch); break;
+    default: half_space_hull(plane, core, seen, slack, patch); break;
   }
   const int points = core.kind == ShapeKind::ellipsoid ? 1 : 4;
   for (int k = 0; k < points; ++k) {
