@@ -75,11 +75,17 @@ void keep(const kernels::Patch<T>& patch) {
   sink = sum;
 }
 
+TouchingPair<float> numbers_of_pair() {
+  TouchingPair<float> numbers{};
+  numbers.apart = 1e-3f, numbers.size = 0.17f, numbers.slack = slack;
+  return numbers;
+}
+
 Case boxes(const Solid& box, Motion motion) {
   const auto poses = std::make_shared<Poses>(box, box, Lie::faces, motion);
   return {motion == Motion::rests ? "two boxes, at rest" : "two boxes, in motion", [poses](std::size_t step) {
             kernels::Patch<T> patch;
-            kernels::box_box(poses->first[step], poses->second[step], T(margin), patch);
+            kernels::box_box(poses->first[step], poses->second[step], numbers_of_pair(), ~T::none(), T(margin), patch);
             keep(patch);
           }};
 }
@@ -95,12 +101,10 @@ Case convex(const std::string& name, const Solid& a, const Solid& b, Lie lie, Mo
   };
   const auto pair = std::make_shared<Pair>(a, b, lie, motion);
   return {name, [pair, motion](std::size_t step) {
-            TouchingPair<float> numbers{};
-            numbers.apart = 1e-3f, numbers.size = 0.17f, numbers.slack = slack;
             if (step == 0 && motion == Motion::turns) pair->kept = false;  // the poses begin again
             kernels::Patch<T> patch;
             kernels::touch_convex(pair->first.core, pair->second.core, pair->poses.first[step],
-                                  pair->poses.second[step], numbers, T(margin), ~T::none(),
+                                  pair->poses.second[step], numbers_of_pair(), T(margin), ~T::none(),
                                   pair->kept ? ~T::none() : T::none(), pair->memory, patch);
             pair->kept = true;
             keep(patch);

@@ -16,7 +16,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (chosen & 64) options.keyframe = "0";
   fuzz::taken([&] {
     const Import read = import_mjcf(text, "input", options);
-    if (fuzz::one_in(16, text)) fuzz::use(read.model);
+    if (fuzz::one_in(256, text)) fuzz::use(read.model);
   });
   return 0;
 }
