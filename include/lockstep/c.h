@@ -25,7 +25,7 @@ extern "C" {
 
 enum {
   LOCKSTEP_OK = 0,
-  LOCKSTEP_MODEL_ERROR = 1,    /* the mechanism is impossible or incomplete */
+  LOCKSTEP_MODEL_ERROR = 1,    /* the mechanism is impossible or incomplete, or lacks what was named */
   LOCKSTEP_IMPORT_ERROR = 2,   /* a file cannot be read as a mechanism */
   LOCKSTEP_SETTINGS_ERROR = 3, /* a setting is out of its range, or does not apply */
   LOCKSTEP_USAGE_ERROR = 4,    /* an index, a name, a size or a null pointer is wrong, or a batch is in use */
@@ -54,8 +54,14 @@ typedef struct lockstep_batch lockstep_batch;
 
 LOCKSTEP_C_API int lockstep_model_from_urdf(const char* path, lockstep_model** out);
 LOCKSTEP_C_API int lockstep_model_from_urdf_text(const char* text, lockstep_model** out);
-/* What becomes of a file: bits of `flags`, as Loops, ImportOptions::leave_out_meshes and Soft in import.h. */
-enum { LOCKSTEP_LEAVE_OUT_LOOPS = 1, LOCKSTEP_LEAVE_OUT_MESHES = 2, LOCKSTEP_SOFT_AS_IN_FILE = 4 };
+/* What becomes of a file: bits of `flags`, as Loops, ImportOptions::leave_out_meshes, Soft and ImportOptions::colliders
+ * in import.h. Colliders of MJCF touch what the file lets them; those of URDF touch nothing. */
+enum {
+  LOCKSTEP_LEAVE_OUT_LOOPS = 1,
+  LOCKSTEP_LEAVE_OUT_MESHES = 2,
+  LOCKSTEP_SOFT_AS_IN_FILE = 4,
+  LOCKSTEP_COLLIDERS = 8
+};
 /* Reads URDF or MJCF, whichever the root element says it is. For MJCF, `keyframe` is the key to start in and `body` the
  * one to read with what it carries; null or "" takes the drawn pose and all bodies. */
 LOCKSTEP_C_API int lockstep_model_from_file(const char* path, const char* keyframe, const char* body, uint32_t flags,
@@ -116,8 +122,8 @@ typedef struct {
   const char* integrator;   /* "automatic", "euler", "leapfrog", "extrapolated", "runge_kutta" */
   int32_t iterations;
   int32_t velocity_iterations;
-  int32_t stage_inputs; /* 0 or 1, as the next five */
-  int32_t record_impulses;
+  int32_t stage_inputs;    /* 0 or 1, as the next five */
+  int32_t record_impulses; /* read in C++ and Python alone, as diagnostics are */
   int32_t record_diagnostics;
   int32_t record_efforts;
   int32_t record_contacts;

@@ -4,7 +4,8 @@ Gymnasium. The rules are those of Gymnasium 1.x for VectorEnv and its three auto
 
 from __future__ import annotations
 
-from typing import Any, Callable, List
+from collections.abc import Mapping
+from typing import Any, Callable, Dict, List
 
 import numpy as np
 
@@ -26,12 +27,35 @@ def _mode(env: Any) -> str:
     return str(getattr(mode, "value", mode))
 
 
+def _parts(whole: Any) -> Dict[str, Any]:
+    """The spaces of a space, or the arrays of observations, by name; one without names has the name ""."""
+    parts = getattr(whole, "spaces", whole)
+    return dict(parts) if isinstance(parts, Mapping) else {"": whole}
+
+
+def _copy(seen: Any) -> Dict[str, Any]:
+    return {name: np.array(part) for name, part in _parts(seen).items()}
+
+
+def _rows(seen: Any, mask: Any) -> Dict[str, Any]:
+    return {name: part[mask] for name, part in _parts(seen).items()}
+
+
+def _equal(one: Any, other: Any) -> bool:
+    one, other = _parts(one), _parts(other)
+    return one.keys() == other.keys() and all(np.array_equal(part, other[name]) for name, part in one.items())
+
+
 def _observations(env: Any, seen: Any, where: str, found: _Findings) -> None:
-    space = env.observation_space
-    if found.expect(isinstance(seen, np.ndarray), f"{where}: observations must be a numpy array"):
-        found.expect(seen.shape == space.shape, f"{where}: observations must have the space's shape {space.shape}")
-        found.expect(seen.dtype == space.dtype, f"{where}: observations must have the space's dtype {space.dtype}")
-        found.expect(np.all(np.isfinite(seen)), f"{where}: observations must be finite")
+    spaces, parts = _parts(env.observation_space), _parts(seen)
+    if not found.expect(parts.keys() == spaces.keys(), f"{where}: observations must have the names of the space"):
+        return
+    for name, part in parts.items():
+        if found.expect(isinstance(part, np.ndarray), f"{where}: observations must be a numpy array, or a dict of them"):
+            shape, dtype = spaces[name].shape, spaces[name].dtype
+            found.expect(part.shape == shape, f"{where}: observations must have the space's shape {shape}")
+            found.expect(part.dtype == dtype, f"{where}: observations must have the space's dtype {dtype}")
+            found.expect(np.all(np.isfinite(part)), f"{where}: observations must be finite")
 
 
 def _refuses(call: Callable[[], Any], kinds: Any) -> bool:
@@ -54,21 +78,25 @@ def _check_attributes(env: Any, found: _Findings) -> bool:
     found.expect(_mode(env) in MODES, f"metadata['autoreset_mode'] must be one of {', '.join(MODES)}")
     for single, batched in ((env.single_observation_space, env.observation_space),
                             (env.single_action_space, env.action_space)):
-        found.expect(batched.shape == (env.num_envs, *single.shape), "a batched space is num_envs of the single ones")
-        found.expect(single.dtype == batched.dtype, "a batched space has the dtype of the single one")
+        if found.expect(_parts(single).keys() == _parts(batched).keys(), "a batched space has the names of the single one"):
+            for name, part in _parts(single).items():
+                all_of_it = _parts(batched)[name]
+                found.expect(all_of_it.shape == (env.num_envs, *part.shape),
+                             "a batched space is num_envs of the single ones")
+                found.expect(part.dtype == all_of_it.dtype, "a batched space has the dtype of the single one")
     found.expect(env.action_space.contains(env.action_space.sample()), "action_space must contain its samples")
     return not found.lines
 
 
 def _check_seeds(env: Any, found: _Findings) -> None:
     first, info = env.reset(seed=11)
-    first = np.array(first)
     _observations(env, first, "reset", found)
+    first = _copy(first)
     found.expect(isinstance(info, dict), "reset must return observations and a dict")
     env.reset(seed=12)
-    found.expect(np.array_equal(first, env.reset(seed=11)[0]), "the same seed must give the same observations")
+    found.expect(_equal(first, env.reset(seed=11)[0]), "the same seed must give the same observations")
     each = list(range(5, 5 + env.num_envs))
-    found.expect(np.array_equal(np.array(env.reset(seed=each)[0]), env.reset(seed=each)[0]),
+    found.expect(_equal(_copy(env.reset(seed=each)[0]), env.reset(seed=each)[0]),
                  "a list with a seed for each environment must be accepted, and repeat")
     found.expect(_refuses(lambda: env.reset(seed=[1] * (env.num_envs + 1)), Exception),
                  "a list of seeds of another length must be refused")
@@ -84,7 +112,7 @@ def _check_steps(env: Any, steps: int, found: _Findings) -> None:
                          "Disabled: a step of an environment that has ended must be refused")
             seen = env.reset(options={"reset_mask": ended})[0]
             _observations(env, seen, "reset with a mask", found)
-            found.expect(np.array_equal(seen[~ended], kept[0][~ended]),
+            found.expect(_equal(_rows(seen, ~ended), _rows(kept[0], ~ended)),
                          "Disabled: a reset with a mask must leave the others alone")
         before = ended
         result = env.step(env.action_space.sample())
@@ -113,11 +141,13 @@ def _check_steps(env: Any, steps: int, found: _Findings) -> None:
                     found.expect((final is not None) == bool(ended[place]),
                                  "SameStep: final_obs holds an observation exactly where an episode has ended")
                     if final is not None:
-                        found.expect(np.shape(final) == env.single_observation_space.shape,
+                        single = _parts(env.single_observation_space)
+                        found.expect({name: np.shape(part) for name, part in _parts(final).items()} ==
+                                     {name: space.shape for name, space in single.items()},
                                      "SameStep: a final observation has the shape of the single space")
         if kept is not None:
-            found.expect(np.array_equal(kept[0], kept[1]), "observations that were returned must not change later")
-        kept = (seen, seen.copy())
+            found.expect(_equal(kept[0], kept[1]), "observations that were returned must not change later")
+        kept = (seen, _copy(seen))
     found.expect(episodes > 0, f"no episode ended in {steps} steps, so the rules of autoreset were not tested")
 
 

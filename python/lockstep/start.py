@@ -24,8 +24,9 @@ class Start:
 
     pose: one of plan.poses, by name or number; "" is the model's own start. Of the independent joints, position (rad or
     m) and velocity (rad/s or m/s) change up to these numbers to either side, and position by up to the share `spread` (0
-    to 1) of the way to each end of the joint's range beside that. Noise carries no joint out of its range. roots: noise
-    of all floating roots, or by name of the root, where "" is about all that are not named."""
+    to 1) of the way to each end of the joint's range beside that. Noise carries none of these out of its range;
+    followers and tendons may leave theirs. roots: noise of all floating roots, or by name of the root, where "" is about
+    all that are not named."""
 
     pose: Union[str, int] = ""
     position: float = 0.0

@@ -93,6 +93,9 @@ def test_many_environments_see_what_few_do():
 @pytest.mark.parametrize("mode", MODES)
 def test_the_rules_of_vector_environments(mode):
     assert check(lambda: make(autoreset_mode=mode)) == []
+    groups = {"policy": {"q": "q"}, "critic": {"qd": "qd", "q": "q"}}
+    assert check(lambda: make(autoreset_mode=mode, observe=groups)) == []
+    assert any("must not change" in line for line in check(lambda: make(autoreset_mode=mode, observe=groups, copy=False)))
 
 
 class Broken(VectorEnv):

@@ -173,7 +173,8 @@ struct Batch<S>::Impl {
         },
         numbers);
     if (!all)
-      throw UsageError("model '" + plan.model().name + "'", "has numbers beyond single precision", "use Batch<double>");
+      throw UsageError("numbers of model '" + plan.model().name + "'", "are beyond single precision",
+                       "use Batch<double>");
   }
 
   // Rows of the kinds that are wanted begin anew.

@@ -129,7 +129,7 @@ std::vector<Query> queries_of(const lockstep_query* queries, int64_t count) {
     if (query.quantity < 0 || query.quantity >= static_cast<int32_t>(std::size(quantities)))
       throw UsageError("quantity " + std::to_string(query.quantity), "is none of the enumerators", "see lockstep/c.h");
     require_bits(query.reserved, 0, "reserved member of a query");
-    if (query.row < -1) throw UsageError("row " + std::to_string(query.row), "is negative", "give -1 for all rows");
+    if (query.row < -1) throw UsageError("row of query", "is " + std::to_string(query.row), "give -1 for all rows");
     all.push_back({quantities[query.quantity], {}, query.scale});
     if (query.row >= 0) all.back().elements = {query.row};
     at += from->size;

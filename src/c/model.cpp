@@ -91,12 +91,15 @@ int lockstep_model_from_file(const char* path, const char* keyframe, const char*
                              lockstep_model** out) {
   return guarded([&] {
     *given(out, "out") = nullptr;
-    require_bits(flags, LOCKSTEP_LEAVE_OUT_LOOPS | LOCKSTEP_LEAVE_OUT_MESHES | LOCKSTEP_SOFT_AS_IN_FILE, "flags");
+    require_bits(flags,
+                 LOCKSTEP_LEAVE_OUT_LOOPS | LOCKSTEP_LEAVE_OUT_MESHES | LOCKSTEP_SOFT_AS_IN_FILE | LOCKSTEP_COLLIDERS,
+                 "flags");
     ImportOptions options;
     options.keyframe = keyframe ? keyframe : "", options.body = body ? body : "";
     if (flags & LOCKSTEP_LEAVE_OUT_LOOPS) options.loops = Loops::leave_out;
     if (flags & LOCKSTEP_SOFT_AS_IN_FILE) options.soft = Soft::as_in_file;
     options.leave_out_meshes = (flags & LOCKSTEP_LEAVE_OUT_MESHES) != 0;
+    options.colliders = (flags & LOCKSTEP_COLLIDERS) != 0;
     *out = imported(import_file(given(path, "path"), options));
   });
 }

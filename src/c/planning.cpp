@@ -13,8 +13,11 @@ ActionMap map_of(const lockstep_action_map* map) {
   const lockstep_action_map from = known(map, lockstep_action_map_init, "action map");
   require_bits(from.reserved, 0, "reserved member of the action map");
   if (from.count < 0) throw UsageError("count", "is negative", "give the number of actions");
-  if (from.count > 0 && !from.dofs && !from.low && !from.high && !from.scale && !from.center)
+  const bool has_lists = from.dofs || from.low || from.high || from.scale || from.center;
+  if (from.count > 0 && !has_lists)
     throw UsageError("count", "is above 0 without a list", "give dofs, low and high or scale, or 0");
+  if (from.count == 0 && has_lists)
+    throw UsageError("count", "is 0 beside a list", "give the number of actions, or no list");
   ActionMap to;
   to.kind = numbered("kind of actions", from.kind, ActionKind::effort);
   if (from.dofs) to.dofs.assign(from.dofs, from.dofs + from.count);

@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "kernels/bounds/intervals.h"
 #include "kernels/couplings/spatial_tendons.h"
 #include "kernels/couplings/tendons.h"
 #include "kernels/couplings/turns.h"
@@ -22,12 +23,33 @@ LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>&
   return t.turning.count == 0 ? farthest(x.next.q, t.joints, most) : farthest(x.next.q, t.other_runs, most);
 }
 
-/// The dof to blame: a number beyond its bound, or else a spatial tendon that leaps.
+/// (M182): whether spatial tendon i, beyond its hard range, would get still farther out.
 template <class T>
-int diverged_dof(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const State<T>& state, int place) {
+LOCKSTEP_INLINE typename T::Mask runs_away(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                           const Tile<T>& x, int i) {
+  using S = ScalarOf<T>;
+  const int j = t.spatial.tendons[i].joint;
+  if (t.bounds.rows.count == 0 || !(t.bounds.has[j] & has_range)) return T::none();
+  const Interval<T> range = position_limits<T>(t, batch, j);
+  const T before = x.state.q[j], after = x.next.q[j], length = larger(before, after);
+  const T over = larger(range.lo - after, after - range.hi), was_over = larger(range.lo - before, before - range.hi);
+  return less(T(S(0.1)) * length, over) & less(fma(T(S(1e-5)), length, was_over), over);
+}
+
+/// Whether spatial tendon i would move as none can.
+template <class T>
+LOCKSTEP_INLINE typename T::Mask strays(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                        const Tile<T>& x, int i) {
+  return leaps(t, x, i) | runs_away(t, batch, x, i);
+}
+
+/// The dof to blame: a number beyond its bound, or else a spatial tendon that strays.
+template <class T>
+int diverged_dof(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
+                 const State<T>& state, int place) {
   int dof = dof_beyond(t, state, place);
   for (int i = 0; i < t.spatial.tendons.count && dof < 0; ++i)
-    if (lane(leaps(t, x, i), place)) dof = t.dof[t.spatial.tendons[i].joint];
+    if (lane(strays(t, batch, x, i), place)) dof = t.dof[t.spatial.tendons[i].joint];
   return dof;
 }
 
@@ -57,7 +79,7 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                 {gains_energy(t, x, i) ? FaultStage::energy : FaultStage::guard, fastest_dof(t, x.state, i)});
     else
       set_fault(batch, x, i, Fault::diverged,
-                {FaultStage::state, diverged_dof(t, x, lane(began_beyond, i) ? x.state : x.next, i)});
+                {FaultStage::state, diverged_dof(t, batch, x, lane(began_beyond, i) ? x.state : x.next, i)});
   }
 }
 
@@ -100,7 +122,7 @@ void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   const auto fast = beyond(farthest(x.next.v, t.velocities, T(0)), T(t.velocity_bound));
   typename T::Mask failed = x.singular | far | fast;
   if (t.guarded || t.audited) failed = failed | x.too_fast;
-  for (int i = 0; i < t.spatial.tendons.count; ++i) failed = failed | leaps(t, x, i);
+  for (int i = 0; i < t.spatial.tendons.count; ++i) failed = failed | strays(t, batch, x, i);
   failed = failed & ~x.frozen;
   x.frozen = x.frozen | failed;
   typename T::Mask held = x.frozen;

@@ -8,7 +8,7 @@
 namespace lockstep {
 namespace {
 
-constexpr std::size_t most_kinds = 5;
+constexpr std::size_t most_kinds = 6;
 
 // A code, what it stands for, what to do, and what kinds of elements it has: the words by which an element begins, in
 // errors of the model those before its name in quotes. The first that fits counts, and the class alone comes last of
@@ -117,20 +117,20 @@ constexpr Entry entries[] = {
      {"field"}},
     {{"usage.actions", "actions, their range, kind or joint",
       "give [actions] x [environments] in the order of the driven dofs"},
-     {"actions", "range of actions", "kind of actions"}},
+     {"actions", "of actions"}},
     {{"usage.query", "a query: its quantity, elements, scale, memory",
       "name elements of the plan, and give rows for all of the query"},
-     {"query", "quantity", "scale of query", "memory of the queries"}},
+     {"query", "quantity", "scale of query", "memory of the queries", "element", "row of query"}},
     {{"usage.draw", "random numbers: stream, distribution, range, memory",
       "give a distribution with finite numbers and room for its draws"},
-     {"stream", "distribution", "memory of the draws"}},
+     {"stream", "distribution", "memory of the draws", "of the randomization"}},
     {{"usage.link", "a link that the plan does not have", "see Plan::model() for its names"}, {"link"}},
     {{"usage.joint", "a joint or dof that the plan does not have", "see Plan::dof_names()"}, {"joint", "dof"}},
     {{"usage.site", "a site that the plan does not have", "add it by Model::add_site() before compile()"}, {"site"}},
     {{"usage.contact", "a contact that the plan does not have", "see Plan::contacts()"}, {"contact"}},
     {{"usage.precision", "a model with numbers beyond single precision",
       "use Batch<double>, or scale the model's numbers"},
-     {"model"}},
+     {"numbers of model"}},
     {{"usage.recorded", "diagnostics or impulses that the plan does not record",
       "switch on StepSettings::record_diagnostics or record_impulses"},
      {"diagnostics", "coupling impulses"}},
@@ -169,6 +169,7 @@ constexpr auto codes = [] {
 
 bool is_of(std::string_view element, std::string_view kind, bool behind_place) {
   const std::string_view words = element.substr(0, element.find(" '"));
+  if (kind.starts_with("of ")) return words.ends_with(kind);  // whatever of it
   if (behind_place && words.size() > kind.size())
     return words.ends_with(kind) && words[words.size() - kind.size() - 1] == ' ';
   if (!words.starts_with(kind)) return false;

@@ -295,8 +295,8 @@ std::string actuator_line(const Program& program) {
   int most = 0;
   for (int i = 0; i < a.delayed.count; ++i) most = std::max(most, a.delayed[i].most);
   if (a.delayed.count > 0)
-    parts.push_back(
-        fmt::format("{} of up to {}", count_of(a.delayed.count, "delay", "delays"), count_of(most, "step", "steps")));
+    parts.push_back(fmt::format("{} of up to {}, {:.4g} s", count_of(a.delayed.count, "delay", "delays"),
+                                count_of(most, "step", "steps"), most * program.settings.dt));
   if (a.lagged.count > 0) parts.push_back(count_of(a.lagged.count, "lag", "lags"));
   if (a.motors.count > 0)
     parts.push_back(

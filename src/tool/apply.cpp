@@ -124,7 +124,10 @@ void drive(const std::string& text, Model& model) {
 void make_kinematic(const std::string& name, Model& model) {
   Drive& drive = moving_joint(model, name, "--kinematic").drive;
   if (drive.kp != 0.0 || drive.kd != 0.0)
-    throw InputError(fmt::format("--kinematic: joint '{}' has a --drive too; give it one of them", name));
+    throw InputError(
+        fmt::format("--kinematic: joint '{}' has a --drive or a servo of its file, too; set --drive {}=0,0 to take it "
+                    "away, or leave out --kinematic",
+                    name, name));
   drive.kinematic = true;
 }
 

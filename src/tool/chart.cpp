@@ -14,6 +14,7 @@
 
 #include "chart_runs.h"
 #include "chart_script.h"
+#include "csv.h"
 #include "lockstep/error.h"
 #include "options.h"
 #include "output.h"
@@ -120,6 +121,11 @@ Measured measure(const ChartOptions& options, const Model& model, const Truth& t
   return result;
 }
 
+constexpr const char* names_of_table =
+    "method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,env_steps_per_"
+    "second,"
+    "faulted";
+
 std::string csv_line(const ChartPoint& point) {
   const ChartSetting& setting = point.setting;
   return fmt::format("{},{},{},{},{},{},{},{},{},{}\n", to_string(setting.method), to_string(setting.integrator),
@@ -130,10 +136,7 @@ std::string csv_line(const ChartPoint& point) {
 
 void write_csv(const std::string& path, bool with_names, const std::vector<ChartPoint>& points) {
   OutputFile file(path);
-  if (with_names)
-    file.write(
-        "method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
-        "env_steps_per_second,faulted\n");
+  if (with_names) file.write(std::string(names_of_table) + "\n");
   for (const ChartPoint& point : points) file.write(csv_line(point));
   file.close();
 }
@@ -236,6 +239,10 @@ void advise(const Truth& truth, const std::vector<ChartPoint>& points, const cha
 
 // Draws what ranks have measured.
 void draw_again(const ChartOptions& options, const std::string& out, int samples) {
+  const std::string text = text_of(options.table), first_line = std::string(names_of_table) + "\n";
+  if (!text.starts_with(first_line) || text.size() == first_line.size())
+    throw InputError(fmt::format("{}: is no table of a chart: its first line should be {}, and rows should follow",
+                                 options.table, names_of_table));
   const Model model = with_start(options, options.model.load(options.ignore, {out}).model);
   const Truth truth = find_truth(model, options.ignore, samples, [](double) {});
   draw(options, options.table, out, caption(model, truth, options.environments, samples));
@@ -287,7 +294,9 @@ void add_chart(CLI::App& app, int& exit_code) {
   add_ignore(*command, options->ignore);
   command->add_option("--out", options->out, "The picture (default MODEL_chart.svg); .png and .pdf work too")
       ->type_name("FILE");
-  command->add_option("--csv", options->csv, "The table (default: the picture's name with .csv)")->type_name("FILE");
+  CLI::Option* const csv =
+      command->add_option("--csv", options->csv, "The table (default: the picture's name with .csv)")
+          ->type_name("FILE");
   add_parsed(
       *command, "--seconds", options->seconds, [](const std::string& text) { return seconds_of(text, "--seconds"); },
       "Simulated time in s")
@@ -307,7 +316,8 @@ void add_chart(CLI::App& app, int& exit_code) {
   add_rank(*command, options->rank, "Measures the share of the settings that rank R of N has, and draws nothing");
   command->add_option("--table", options->table, "Draws this table, of all ranks, and measures nothing")
       ->type_name("FILE")
-      ->check(CLI::ExistingFile);
+      ->check(CLI::ExistingFile)
+      ->excludes(csv);
   command->add_option("--python", options->python, "A Python that has matplotlib")->type_name("PATH");
   command->callback([options, &exit_code] {
     run(*options);

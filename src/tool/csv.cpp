@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <set>
 #include <sstream>
 
 #include "files/regular_file.h"
@@ -72,12 +73,13 @@ std::string Table::at(std::size_t row, std::size_t column) const {
   return fmt::format("{}:{}:{}", file, lines.at(row), column + 1);
 }
 
-Table read_csv(const std::string& path) {
-  const std::string text = files::content_of(path, most_bytes, [&](const std::string& rule, const std::string& remedy) {
+std::string text_of(const std::string& path) {
+  return files::content_of(path, most_bytes, [&](const std::string& rule, const std::string& remedy) {
     throw InputError(fmt::format("{}: {}; {}", path, rule, remedy));
   });
-  return parse_csv(text, path);
 }
+
+Table read_csv(const std::string& path) { return parse_csv(text_of(path), path); }
 
 Table parse_csv(const std::string& text, const std::string& file) {
   Table table;

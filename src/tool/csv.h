@@ -17,8 +17,11 @@ struct Table {
   std::string at(std::size_t row, std::size_t column) const;
 };
 
+/// The text of a regular file. Throws InputError, for more than 256 MB too.
+std::string text_of(const std::string& path);
+
 /// Reads a table: commas, optional "quoted" fields, any line ends; blank lines are skipped. There must be a row.
-/// Throws InputError, with file:line:column where something is not a finite number, and for more than 256 MB.
+/// Throws InputError, with file:line:column where something is not a finite number, and as text_of() does.
 Table read_csv(const std::string& path);
 Table parse_csv(const std::string& text, const std::string& file);
 

@@ -106,7 +106,7 @@ Motion replay(const std::vector<Recording>& recordings, const Plan& plan, const 
     }
     apply_state(table, states);
     motion.add(at, states, static_cast<int>(i));
-    motion.tracks[i].frozen = recordings[i].frozen;
+    if (recordings[i].frozen) motion.tracks[i].frozen = {*recordings[i].frozen};
   }
   return motion;
 }

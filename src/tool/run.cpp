@@ -2,12 +2,14 @@
 #include "run.h"
 
 #include <fmt/format.h>
-#include <charconv>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <cmath>
 
+#include "output.h"
 #include "progress.h"
 #include "state.h"
 #include "text.h"
@@ -88,9 +90,21 @@ long step_count(double seconds, double dt) {
   return static_cast<long>(steps);
 }
 
+// The joint with the longest delay, or null.
+const Joint* most_delayed(const Model& model) {
+  const auto most = std::max_element(model.joints.begin(), model.joints.end(),
+                                     [](const Joint& a, const Joint& b) { return a.drive.delay < b.drive.delay; });
+  return most != model.joints.end() && most->drive.delay > 0 ? &*most : nullptr;
+}
+
 // With --tolerance: the step that meets it, tried from the first environment's start.
 std::optional<Chosen> chosen_step(const RunOptions& options, const Inputs& inputs, const Model& model) {
   if (options.tolerance == 0.0) return std::nullopt;
+  if (const Joint* const joint = most_delayed(model))
+    throw InputError(
+        fmt::format("--tolerance: the delay of joint '{}' is a number of steps, {}, so each step has another motion; "
+                    "give --dt",
+                    joint->name, joint->drive.delay));
   Model start = model;
   if (std::optional<Table> state = inputs.state) {
     state->rows.resize(1);
@@ -104,6 +118,18 @@ std::optional<Chosen> chosen_step(const RunOptions& options, const Inputs& input
   fmt::print("chosen   {}: error {:.1e} (rad, m; RMS over {:g} s of one environment), tolerance {:g}\n",
              described(chosen.setting), chosen.error, chosen.seconds, options.tolerance);
   return chosen;
+}
+
+// Delays are numbers of steps, so another step than the file's makes them other times.
+void warn_of_delays(const Model& model, double dt) {
+  const Joint* const joint = most_delayed(model);
+  if (!joint || model.time_step == 0.0 || std::abs(dt - model.time_step) < 1e-9 * dt) return;
+  to_stderr(
+      fmt::format("warning: the delay of joint '{0}' is {1} steps, {2:.4g} s at this step of {3} s and {4:.4g} s at "
+                  "the file's; give "
+                  "--dt {5:.10g}",
+                  joint->name, joint->drive.delay, joint->drive.delay * dt, fraction(dt),
+                  joint->drive.delay * model.time_step, model.time_step));
 }
 
 StepSettings settings_of(const RunOptions& options, const std::optional<Chosen>& chosen) {
@@ -120,6 +146,7 @@ Run prepare(const RunOptions& options, const Inputs& inputs, const std::vector<s
   Import import = options.model.load(options.step.settings.ignore, outputs);
   const std::optional<Chosen> chosen = chosen_step(options, inputs, import.model);
   const Plan plan = compile(import.model, settings_of(options, chosen));
+  warn_of_delays(import.model, plan.settings().dt);
   return {plan, step_count(options.seconds, plan.settings().dt), std::move(import.visual_meshes)};
 }
 

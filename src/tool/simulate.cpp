@@ -300,11 +300,13 @@ void add_simulate(CLI::App& app, int& exit_code) {
                    "Writes the last state of each environment as CSV, as --state reads it. Only rank 0 writes the "
                    "line of names")
       ->type_name("FILE");
-  command->add_option("--record", options->record, "Writes one environment's trajectory as CSV")->type_name("FILE");
+  CLI::Option* const record =
+      command->add_option("--record", options->record, "Writes one environment's trajectory as CSV")->type_name("FILE");
   command->add_option("--record-env", options->recorded, "The environment that --record writes, from 0")
       ->type_name("I")
       ->capture_default_str()
-      ->check(CLI::Range(0, (1 << 24) - 1));
+      ->check(CLI::Range(0, (1 << 24) - 1))
+      ->needs(record);
   command->add_option("--json", options->json, "Writes the results as JSON")->type_name("FILE");
   command->callback([options, &exit_code] {
     options->json = name_of_rank("--json", options->json, options->rank);

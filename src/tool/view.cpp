@@ -115,12 +115,12 @@ int run(ViewOptions options) {
   for (const std::string& note : notes) fmt::print("note     {}\n", note);
   std::fflush(stdout);
   int exit_code = fine;
-  for (const Track& track : shown.motion.tracks) {
-    if (!track.frozen) continue;
-    to_stderr(fmt::format("{} faulted at {:.4g} s and was frozen: {}", track.label, track.frozen->time,
-                          to_string(track.frozen->fault)));
-    exit_code = some_faulted;
-  }
+  for (const Track& track : shown.motion.tracks)
+    for (const Track::Frozen& frozen : track.frozen) {
+      to_stderr(
+          fmt::format("{} faulted at {:.4g} s and was frozen: {}", track.label, frozen.time, to_string(frozen.fault)));
+      exit_code = some_faulted;
+    }
   return exit_code;
 }
 

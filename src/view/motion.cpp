@@ -91,8 +91,15 @@ void Motion::add(double time, const Batch<S>& batch, const std::vector<int>& env
   times.push_back(static_cast<float>(time));
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     append(numbers.col(environments[i]), tracks[i]);
-    if (const FaultReport report = batch.fault_report(environments[i]); report.fault != Fault::none)
-      tracks[i].frozen = {report.time, report.fault};
+    const FaultReport report = batch.fault_report(environments[i]);
+    std::vector<Track::Frozen>& frozen = tracks[i].frozen;
+    const bool was_frozen = !frozen.empty() && !frozen.back().until;
+    if (report.fault == Fault::none) {
+      if (was_frozen) frozen.back().until = time;
+    } else if (!was_frozen) {  // its time is that since a reset, which may be another
+      const double before = times.size() > 1 ? times[times.size() - 2] : time;
+      frozen.push_back({std::clamp(report.time, before, time), report.fault});
+    }
   }
 }
 
@@ -105,7 +112,7 @@ void Motion::add(const std::vector<double>& at, const Batch<double>& states, int
 void Motion::clear() {
   times.clear();
   for (Track& track : tracks) {
-    track.frozen.reset();
+    track.frozen.clear();
     track.poses.clear();
     track.pushes.clear();
     for (std::vector<float>& curve : track.curves) curve.clear();

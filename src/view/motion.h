@@ -15,11 +15,12 @@ struct Track {
   struct Frozen {
     double time;  ///< s
     Fault fault;
+    std::optional<double> until = {};  ///< s: the first sample after a reset
   };
   std::string label;
-  std::optional<Frozen> frozen;
-  std::vector<float> poses;   ///< [samples][drawn links][7], as Quantity::link_pose
-  std::vector<float> pushes;  ///< [samples][pairs of colliders][6]: centre of its points (m), force on the second (N)
+  std::vector<Frozen> frozen;  ///< one after the other
+  std::vector<float> poses;    ///< [samples][drawn links][7], as Quantity::link_pose
+  std::vector<float> pushes;   ///< [samples][pairs of colliders][6]: centre of its points (m), force on the second (N)
   /// [samples] each: positions by dof, errors by coupling, normal forces by pair of colliders, kinetic and potential
   /// energy.
   std::vector<std::vector<float>> curves;

@@ -112,7 +112,11 @@ std::string motion_json(const Motion& motion, const std::string& about, const st
   json["environments"] = Json::array();
   for (const Track& track : motion.tracks) {
     Json entry = {{"label", track.label}};
-    if (track.frozen) entry["fault"] = {{"time", track.frozen->time}, {"name", to_string(track.frozen->fault)}};
+    entry["faults"] = Json::array();
+    for (const Track::Frozen& frozen : track.frozen) {
+      entry["faults"].push_back({{"time", frozen.time}, {"name", to_string(frozen.fault)}});
+      if (frozen.until) entry["faults"].back()["until"] = *frozen.until;
+    }
     json["environments"].push_back(std::move(entry));
   }
   json["numbers"] = motion_numbers(motion);

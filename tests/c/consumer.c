@@ -223,6 +223,56 @@ static void read_matrices(const lockstep_plan* plan, lockstep_batch* batch) {
   expect(twice > 0.0 && fabs(twice / 2.0 / (double)energy[5] - 1.0) < 1e-4, "the mass matrix gives the energy");
 }
 
+/* A box falls on the ground of a file, and through it where colliders are not asked for. */
+static void touch(void) {
+  lockstep_model* model = NULL;
+  lockstep_plan* plan = NULL;
+  lockstep_batch* batch = NULL;
+  lockstep_settings settings;
+  lockstep_options options;
+  lockstep_query query;
+  lockstep_array poses, read;
+  float forces[3];
+  int colliders;
+  FILE* file = fopen("box.xml", "w");
+  if (!file) {
+    expect(0, "box.xml must be written");
+    return;
+  }
+  fputs("<mujoco><worldbody><geom type='plane' size='1 1 1'/><body pos='0 0 0.15'><freejoint/>"
+        "<geom type='box' size='0.1 0.1 0.1' mass='2'/></body></worldbody></mujoco>",
+        file);
+  fclose(file);
+  lockstep_settings_init(&settings);
+  lockstep_options_init(&options);
+  options.threads = 1;
+  for (colliders = 0; colliders < 2; ++colliders) {
+    expect(lockstep_model_from_file("box.xml", NULL, NULL, colliders ? LOCKSTEP_COLLIDERS : 0, &model) == LOCKSTEP_OK,
+           "the box must be read");
+    expect(lockstep_compile(model, &settings, &plan) == LOCKSTEP_OK, "and compile");
+    expect(lockstep_batch_new(plan, &options, &batch) == LOCKSTEP_OK, "and have a batch");
+    lockstep_step(batch, 240);
+    expect(lockstep_field(batch, LOCKSTEP_ROOT_POSES, &poses) == LOCKSTEP_OK, "it floats");
+    if (colliders) {
+      expect(fabs((double)*at(&poses, 2, 0) - 0.1) < 1e-3, "a box with colliders lies on the ground");
+      memset(&query, 0, sizeof query);
+      query.size = sizeof query;
+      query.quantity = LOCKSTEP_READ_LINK_CONTACT_FORCE;
+      query.row = 0;
+      query.scale = 1.0;
+      read = rows_of(forces, 3, 1);
+      expect(lockstep_read(batch, &query, 1, &read) == LOCKSTEP_OK && fabs((double)forces[2] - 2.0 * 9.81) < 0.05,
+             "which carries its weight");
+    } else {
+      expect(*at(&poses, 2, 0) < -1.0f, "a box without colliders falls");
+    }
+    lockstep_batch_free(batch);
+    lockstep_plan_free(plan);
+    lockstep_model_free(model);
+  }
+  remove("box.xml");
+}
+
 int main(int count, char** arguments) {
   lockstep_model* model = NULL;
   lockstep_model* copy = NULL;
@@ -252,7 +302,7 @@ int main(int count, char** arguments) {
   expect(strstr(lockstep_message(), "/no/such/file.urdf") != NULL, "the message must name the file");
   expect(lockstep_model_from_file(arguments[1], "home", NULL, 0, &model) == LOCKSTEP_SETTINGS_ERROR && model == NULL,
          "URDF has no keyframes");
-  expect(lockstep_model_from_file(arguments[1], NULL, "", 8, &model) == LOCKSTEP_USAGE_ERROR, "flags must be known");
+  expect(lockstep_model_from_file(arguments[1], NULL, "", 16, &model) == LOCKSTEP_USAGE_ERROR, "flags must be known");
   expect(lockstep_model_from_file(arguments[1], NULL, "", 0, &model) == LOCKSTEP_OK, "any file must be read");
   lockstep_model_free(model);
   expect(lockstep_model_from_urdf(arguments[1], &model) == LOCKSTEP_OK, "the gripper must be read");
@@ -385,6 +435,7 @@ int main(int count, char** arguments) {
   act(batch, (int32_t)knuckle);
   read_matrices(plan, batch);
   roll_out(plan, (int32_t)knuckle);
+  touch();
 
   lockstep_batch_free(batch);
   expect_no_object(plan, batch);

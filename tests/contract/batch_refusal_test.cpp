@@ -173,7 +173,7 @@ TEST_P(SinglePrecision, refuses_numbers_that_it_cannot_hold) {
   std::optional<Plan> plan;
   ASSERT_NO_THROW(plan = compile(model, {.method = Method::direct}));
   EXPECT_NO_THROW(Batch<double>(*plan, 1, serial));
-  expect_refused<UsageError>([&] { Batch<float>(*plan, 1, serial); }, "model 'chain8'", "Batch<double>");
+  expect_refused<UsageError>([&] { Batch<float>(*plan, 1, serial); }, "numbers of model 'chain8'", "Batch<double>");
 }
 
 INSTANTIATE_TEST_SUITE_P(

@@ -1,4 +1,5 @@
 // What trees, joints, couplings, loops and mocap bodies of a file become. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
 
 #include "lockstep/batch.h"
@@ -189,6 +190,60 @@ TEST(MjcfActuators, lag_and_delay_as_in_mujoco_and_are_written_again) {
       EXPECT_NEAR(batch.positions()(0, 0), expected[tenth], 2e-4) << tenth;
     }
   }
+}
+
+// MuJoCo clamps the sum of the forces of a tendon's actuators to its actuatorfrcrange.
+TEST(MjcfTendons, limit_the_sum_of_their_actuators) {
+  const auto read = [](const string& tendon, const string& actuators) {
+    return import_mjcf(
+        "<mujoco><worldbody><site name='w' pos='-1 0 0'/><body name='a'>"
+        "<joint name='x' type='slide' axis='1 0 0'/><geom size='0.1'/><site name='s'/></body>"
+        "<body name='b'><joint name='y' type='slide' axis='1 0 0'/><geom size='0.1'/></body></worldbody>"
+        "<tendon>" +
+        tendon + "</tendon><actuator>" + actuators + "</actuator></mujoco>");
+  };
+  const string range = " name='t' actuatorfrcrange='-2 2'>", motor = "<motor tendon='t'/>",
+               weak = "<motor tendon='t' forcerange='-0.5 0.5'/>", geared = "<motor tendon='t' gear='3'/>";
+  const string spatial = "<spatial" + range + "<site site='w'/><site site='s'/></spatial>",
+               two = "<fixed" + range + "<joint joint='x' coef='1'/><joint joint='y' coef='1'/></fixed>",
+               one = "<fixed" + range + "<joint joint='x' coef='2'/></fixed>";
+  for (const string& tendon : {spatial, two})
+    for (const auto& [actuators, limit] :
+         {std::pair(motor, 2.0), std::pair(motor + motor, 2.0), std::pair(motor + motor + motor, 2.0),
+          std::pair(weak + weak, 1.0), std::pair(geared + geared, 6.0)}) {
+      const Import import = read(tendon, actuators);
+      EXPECT_DOUBLE_EQ(joint(import.model, "t").effort_limit, limit) << tendon << actuators;
+    }
+  EXPECT_DOUBLE_EQ(joint(read(one, motor + motor).model, "x").effort_limit, 4.0);  // twice the tendon's force
+  EXPECT_DOUBLE_EQ(joint(read(one, motor + "<motor joint='x' forcerange='-5 5'/>").model, "x").effort_limit, 9.0);
+  const auto warns = [](const Import& import) {
+    return std::count_if(import.warnings.begin(), import.warnings.end(),
+                         [](const string& line) { return line.find("limits of") != string::npos; });
+  };
+  EXPECT_EQ(warns(read(spatial, motor + motor)), 0);
+  EXPECT_EQ(warns(read(spatial, motor + geared)), 1);
+  EXPECT_EQ(warns(read(spatial, weak + weak)), 1);
+}
+
+// A range and a spring with a range without force are bounds of two joints along one path.
+TEST(MjcfTendons, may_have_a_range_and_a_spring_with_slack) {
+  const Model model =
+      import_mjcf(
+          "<mujoco><option gravity='0 0 0'/><worldbody><site name='w' pos='-1 0 0'/><body name='a'>"
+          "<joint name='x' type='slide' axis='1 0 0'/><inertial pos='0 0 0' mass='1' diaginertia='.1 .1 .1'/>"
+          "<site name='s'/></body></worldbody><tendon><spatial name='t' range='0.5 1.5' stiffness='10' "
+          "springlength='.7 .9'><site site='w'/><site site='s'/></spatial></tendon></mujoco>")
+          .model;
+  Batch<double> batch(compile(model, {.dt = 1e-4, .integrator = Integrator::euler}), 1, {.threads = 1});
+  batch.step();
+  const int x = batch.plan().dof("x");
+  EXPECT_NEAR(batch.velocities()(x, 0), -1e-4 * 10.0 * (1.0 - 0.9), 1e-7);  // m / s
+  batch.positions()(x, 0) = 0.49, batch.velocities()(x, 0) = 2.0;
+  for (int i = 0; i < 2000; ++i) {
+    batch.step();
+    ASSERT_LE(batch.positions()(x, 0), 0.5 + 1e-9);  // the end of the range
+  }
+  EXPECT_LT(batch.velocities()(x, 0), 0.0);  // the spring pulls it back
 }
 
 }  // namespace

@@ -153,6 +153,24 @@ TEST_F(Chart, runs_let_simulate_choose_a_step_for_a_tolerance) {
   EXPECT_EQ(with({"--tolerance", "1e-3", "--dt", "1/240"}).status, 2) << "--tolerance chooses the step";
 }
 
+// Their time is a number of steps, so each step has another motion.
+TEST_F(Chart, delays_are_said_to_change_with_the_step) {
+  const std::string file =
+      write("late.xml",
+            "<mujoco><option timestep='0.001'/><worldbody><body><joint name='j' axis='0 0 1'/><geom size='0.1'/></body>"
+            "</worldbody><actuator><position joint='j' kp='1' delay='0.05' nsample='50'/></actuator></mujoco>");
+  const Ran refused = run({"simulate", file, "--tolerance", "1e-2"});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_NE(refused.err.find("the delay of joint 'j' is a number of steps, 50"), std::string::npos) << refused.err;
+  const Ran other = run({"simulate", file, "--envs", "1", "--seconds", "0.1"});
+  EXPECT_EQ(other.status, 0);
+  EXPECT_NE(other.err.find("50 steps, 0.2083 s at this step of 1/240 s and 0.05 s at the file's; give --dt 0.001"),
+            std::string::npos)
+      << other.err;
+  const Ran same = run({"simulate", file, "--envs", "1", "--seconds", "0.1", "--dt", "0.001"});
+  EXPECT_EQ(same.err.find("delay"), std::string::npos) << same.err;
+}
+
 TEST_F(Chart, of_several_ranks_is_that_of_one_process) {
   const auto table = [&](const std::string& rank) {
     const Ran ran = chart({"--out", picture(), "--rank", rank, "--python", "/no/such/python"});
@@ -177,6 +195,15 @@ TEST_F(Chart, of_several_ranks_is_that_of_one_process) {
   EXPECT_EQ(drawn.status, 0) << drawn.err;
   EXPECT_NE(contents(picture()).find("<svg"), std::string::npos);
   EXPECT_EQ(chart({"--out", picture(), "--table", path("none.csv")}).status, 2);
+}
+
+TEST_F(Chart, of_a_table_that_is_none_is_refused) {
+  for (const char* text : {"", "a,b\n1,2\n", "method,integrator\nreduced,euler\n"}) {
+    const Ran ran = chart({"--out", picture(), "--table", write("table.csv", text)});
+    EXPECT_EQ(ran.status, 2) << text;
+    expect_one_complaint(ran.err, "table.csv");
+  }
+  EXPECT_EQ(chart({"--out", picture(), "--table", write("table.csv", ""), "--csv", path("c.csv")}).status, 2);
 }
 
 TEST_F(Chart, draws_a_picture_with_a_python) {

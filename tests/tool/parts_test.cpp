@@ -278,7 +278,10 @@ TEST(Options, name_what_is_unknown_about_bounds) {
   EXPECT_EQ(refused(force, "b=-1"), "--force-limit b: 'b=-1' is negative");
   EXPECT_EQ(refused(kinematic, "x"), "--kinematic: model 'chain' has no joint 'x'; its moving joints are: a, b, c");
   EXPECT_EQ(refused(kinematic, "d"), "--kinematic: joint 'd' is fixed; name a moving one");
-  EXPECT_EQ(refused(kinematic, "a", "a=1,1"), "--kinematic: joint 'a' has a --drive too; give it one of them");
+  EXPECT_EQ(
+      refused(kinematic, "a", "a=1,1"),
+      "--kinematic: joint 'a' has a --drive or a servo of its file, too; set --drive a=0,0 to take it away, or leave "
+      "out --kinematic");
 }
 
 TEST(Targets, are_for_joints_with_a_drive_of_either_kind) {

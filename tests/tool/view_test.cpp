@@ -170,6 +170,38 @@ TEST(Motion, holds_the_readbacks_of_the_batch) {
   EXPECT_NEAR(push[2], 0.0, 1e-4);
 }
 
+// By the page's own time, whatever a batch counts since its resets.
+TEST(Motion, knows_when_environments_are_frozen_and_when_they_step_again) {
+  const Plan plan = plan_of(arm_gripper, "0.9");
+  Batch<double> batch(plan, 2, {.threads = 1});
+  batch.step(240);  // before the first sample
+  Motion motion(plan, true, {"a", "b"});
+  motion.add(0.0, batch, {0, 1});
+  batch.velocities()(0, 1) = std::nan("");
+  batch.step();
+  motion.add(0.1, batch, {0, 1});
+  motion.add(0.2, batch, {0, 1});
+  batch.reset();
+  batch.step(24);
+  motion.add(0.3, batch, {0, 1});
+  batch.velocities()(0, 1) = std::nan("");
+  batch.step();
+  motion.add(0.4, batch, {0, 1});
+  EXPECT_TRUE(motion.tracks[0].frozen.empty());
+  const std::vector<Track::Frozen>& frozen = motion.tracks[1].frozen;
+  ASSERT_EQ(frozen.size(), 2u);
+  EXPECT_GE(frozen[0].time, 0.0);
+  EXPECT_LE(frozen[0].time, 0.1);
+  EXPECT_EQ(frozen[0].until, 0.3);
+  EXPECT_GE(frozen[1].time, 0.3);
+  EXPECT_LE(frozen[1].time, 0.4);
+  EXPECT_FALSE(frozen[1].until);
+  const nlohmann::json json = nlohmann::json::parse(motion_json(motion, "about", {}));
+  EXPECT_TRUE(json["environments"][0]["faults"].empty());
+  EXPECT_EQ(json["environments"][1]["faults"][0]["until"], 0.3);
+  EXPECT_EQ(json["environments"][1]["faults"][1]["name"], to_string(frozen[1].fault));
+}
+
 class View : public Command {
  protected:
   // A recording of one environment, in double.

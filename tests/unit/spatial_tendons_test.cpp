@@ -275,6 +275,49 @@ TEST(SpatialTendons, move_no_joint_far_in_a_step_that_corrects_a_length) {
   }
 }
 
+// A block on a rail hangs by a loop of rope that a light free piece holds closed: where the piece comes to the block,
+// the segment between them changes sides from step to step, and no row of one pose holds the weight.
+TEST(SpatialTendons, whose_range_cannot_be_held_are_faults_before_they_are_far_from_it) {
+  constexpr double upper = 0.7;
+  Model model;
+  model.links = {{"base", {}}, {"piece", Inertia::box(0.1, {0.1, 0.1, 0.1}, Vector3d::Zero())}};
+  Root piece{"piece", true};
+  piece.pose.translation() = Vector3d(0.02, 0.0, -0.9);
+  model.roots = {{"base"}, piece};
+  Joint& rail = physics::append_link(model, "base", Vector3d::Zero(), -Vector3d::UnitZ(), 20.0);
+  rail.kind = JointKind::prismatic, rail.position = 0.5;
+  const std::string block = rail.child;
+  model.joints.push_back(tendon_over(
+      {{"", block, Vector3d::Zero(), Vector3d::Zero(), 0.5}, {block, "piece", Vector3d::Zero(), Vector3d::Zero()}}));
+  model.joints.back().upper = upper;
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+    SCOPED_TRACE(to_string(integrator));
+    Batch<double> batch(compile(model, settings_of(integrator, 1.0 / 240.0)), 1);
+    double longest = 0.0;
+    for (int i = 0; i < 720; ++i) {
+      batch.step();
+      longest = std::max(longest, batch.positions()(1, 0));
+    }
+    EXPECT_EQ(batch.faults()[0], Fault::diverged);
+    EXPECT_NE(batch.explain_fault(0).find("'tendon'"), std::string::npos) << batch.explain_fault(0);
+    EXPECT_GT(longest, upper);
+    EXPECT_LE(longest, 1.2 * upper);
+  }
+}
+
+TEST(SpatialTendons, that_start_far_beyond_their_range_come_back) {
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+    SCOPED_TRACE(to_string(integrator));
+    Model model = pendulum(1.2, 0.4);
+    model.joints[0].upper = 0.8;
+    model.roots[0].velocity << 0.0, 0.0, 0.0, 2.0, 0.0, -1.0;  // sideways and outwards
+    Batch<double> batch(compile(model, settings_of(integrator, 1.0 / 240.0)), 1);
+    batch.step(480);
+    EXPECT_EQ(batch.faults()[0], Fault::none);
+    EXPECT_NEAR(batch.positions()(0, 0), 0.8, 0.01);
+  }
+}
+
 TEST(SpatialTendons, give_the_same_bits_however_calls_are_divided) {
   Model model = tensegrity();
   model.joints.back().upper = 0.9;

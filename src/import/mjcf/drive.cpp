@@ -16,11 +16,14 @@ namespace {
 struct Sum {
   double kp = 0.0, kd = 0.0, effort = 0.0;
   double pull = 0.0, drag = 0.0;  // kp times the target, kd times the velocity target
-  double limit = 0.0;
-  double lag = 0.0;  // of the first one
-  int delay = 0;     // the same, steps
-  int count = 0, limited = 0;
-  bool differs = false;  // in lag or delay
+  double limit = 0.0;             // of all, each by itself
+  // By tendon with a limit of its own: of its actuators, each by itself, and of the tendon, which is of their sum.
+  std::map<int, std::pair<double, double>> limits_of_tendons;
+  double lag = 0.0;            // of the first one
+  int delay = 0;               // the same, steps
+  int count = 0, limited = 0;  // limited: by themselves
+  int on_tendons = 0;          // of those with limits
+  bool differs = false;        // in lag or delay
 };
 
 // "2 u - 0.1"
@@ -179,12 +182,19 @@ class Driver {
           "servos, with velocity targets by the file's controls u"})
       report().show_all(line);
     if (actuator.integrates) report().warn("dynamics of actuators, left out", "integrator of " + actuator.name);
-    double limit = force_limit(actuator, is_motor);
-    if (actuator.tendon >= 0)  // of the forces before the gears
-      limit = std::min(limit, scene_.tendons[static_cast<std::size_t>(actuator.tendon)].effort_limit);
-    limit *= std::abs(gear);
-    sum.limit += limit;
+    const double limit = force_limit(actuator, is_motor) * std::abs(gear);
     sum.limited += limit < infinity;
+    const double of_tendon =
+        actuator.tendon < 0 ? infinity : scene_.tendons[static_cast<std::size_t>(actuator.tendon)].effort_limit;
+    if (!(of_tendon < infinity)) {
+      sum.limit += limit;
+      return;
+    }
+    ++sum.on_tendons;
+    auto& [each, all] = sum.limits_of_tendons[actuator.tendon];
+    if (each > 0.0 && all != of_tendon * std::abs(gear))
+      report().warn("limits of tendons whose actuators have several gears, taken with the largest gear", name);
+    each += limit, all = std::max(all, of_tendon * std::abs(gear));  // it is of the forces before the gears
   }
 
   void apply(Joint& own, const Sum& sum) {
@@ -192,7 +202,9 @@ class Driver {
     own.drive.position_target = sum.kp > 0.0 ? sum.pull / sum.kp : 0.0;
     own.drive.velocity_target = sum.kd > 0.0 ? sum.drag / sum.kd : 0.0;
     own.effort = sum.effort;
-    own.effort_limit = std::min(own.effort_limit, sum.limit);
+    double limit = sum.limit;
+    for (const auto& [tendon, limits] : sum.limits_of_tendons) limit += std::min(limits.first, limits.second);
+    own.effort_limit = std::min(own.effort_limit, limit);
     if (sum.differs)
       report().warn("lags and delays of actuators that share a joint and differ, left out", own.name);
     else
@@ -200,7 +212,9 @@ class Driver {
     if (own.drive.lag > 0.0) report().remark("lags of actuators", fmt::format("{:g} s at {}", own.drive.lag, own.name));
     if (sum.count == 1) return;
     report().remark("joints with several actuators, whose gains are added", own.name);
-    if (sum.limited > 0) report().warn("limits of single actuators that share a joint, taken for their sum", own.name);
+    const bool is_of_one = sum.limits_of_tendons.size() == 1 && sum.on_tendons == sum.count;  // as the file has it
+    if (sum.limited > 0 || (sum.on_tendons > 0 && !is_of_one))
+      report().warn("limits of single actuators that share a joint, taken for their sum", own.name);
   }
 
   const Scene& scene_;

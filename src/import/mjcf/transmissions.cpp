@@ -45,7 +45,9 @@ class Finder {
   void slacken(const Tendon& tendon, const std::optional<Transmission>& transmission) {
     if (!transmission || !tendon.has_slack()) return;
     const bool is_apart = tendon.range || joint_of(transmission->joint).kind != JointKind::tendon;
-    Joint& joint = joint_of(is_apart ? add(tendon) : transmission->joint);
+    Joint& joint = joint_of(!is_apart           ? transmission->joint
+                            : tendon.is_spatial ? add_again(transmission->joint)
+                                                : add(tendon));
     joint.lower = tendon.shortest, joint.upper = tendon.longest;
     joint.limit_softness = Spring{tendon.stiffness, 0.0};
     scene_.report().remark("springs of tendons with a range without force, as soft limits of tendons", joint.name);
@@ -150,6 +152,17 @@ class Finder {
   Joint& joint_of(const std::string& name) {
     Model& model = draft_.model;
     return model.joints[static_cast<std::size_t>(model.joint_index(name))];
+  }
+
+  // Another joint with the path of this one, and nothing else of it.
+  std::string add_again(const std::string& name) {
+    const Joint& own = joint_of(name);
+    Joint joint;
+    joint.name = names_.unused(name), joint.kind = JointKind::tendon;
+    joint.path = own.path;
+    draft_.places["joint '" + joint.name + "'"] = draft_.places["joint '" + name + "'"];
+    draft_.model.joints.push_back(joint);
+    return joint.name;
   }
 
   // Its position is the tendon's length. Joints that stand still are constants.

@@ -51,12 +51,12 @@ function draw() {
   charts.draw(time, sample_at(motion.times, time).nearest);
   get('scrub').value = time;
   get('time').textContent = `${time.toFixed(3)} / ${end.toFixed(3)} s`;
-  motion.environments.forEach(({ label, fault }, i) => {
-    const faulted = fault !== undefined && time >= fault.time;
-    const text = faulted ? `${label}: ${fault.name} at ${fault.time.toFixed(3)} s, frozen` : label;
+  motion.environments.forEach(({ label, faults }, i) => {
+    const fault = faults.find((one) => time >= one.time && !(time >= one.until));
+    const text = fault ? `${label}: ${fault.name} at ${fault.time.toFixed(3)} s, frozen` : label;
     const button = get('labels').children[i];
     if (button.textContent !== text) button.textContent = text;
-    button.classList.toggle('faulted', faulted);
+    button.classList.toggle('faulted', fault !== undefined);
   });
 }
 
