@@ -57,7 +57,7 @@ std::string Batch<S>::explain_fault(int environment) const {
                (batch.tables.turning.count > 0 ? ", a joint without a range " + text_of(simd::most_turns<S>) + " turns,"
                                                : "") +
                " or a velocity " + text_of(program.settings.velocity_bound) +
-               (batch.tables.spatial.used() ? ", or a tendon's length would leap" : "");
+               (batch.tables.spatial.used() ? ", or a tendon's length would leap or go on out of its range" : "");
     }
   }
   if (!wrong.empty()) words += "; " + wrong;

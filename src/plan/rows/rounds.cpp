@@ -103,7 +103,7 @@ void lay_out_matrix(Program& program, const std::vector<std::vector<int>>& toget
   rounds.from_bodies = program.storage.keep(std::move(from_bodies));
 }
 
-void lay_out_slots(Program& program, std::vector<Slot> slots) {
+void lay_out_slots(Program& program, const std::vector<Slot>& slots) {
   Tables<double>& t = program.f64;
   Rounds& rounds = t.rounds;
   std::vector<RowSlot> rows;
@@ -111,7 +111,8 @@ void lay_out_slots(Program& program, std::vector<Slot> slots) {
   bool has_soft_loops = false;
   for (int l = 0; l < t.loops.loops.count; ++l)
     has_soft_loops = has_soft_loops || t.loops.loops[l].cfm_per_response > 0.0;
-  for (auto& [row, velocities] : slots) {
+  for (const auto& [given, velocities] : slots) {
+    RowSlot row = given;
     row.first = static_cast<int>(term.size()), row.entry = static_cast<int>(entry.size());
     for (const int z : velocities) {
       term.push_back(rounds.place[z]);
@@ -190,7 +191,7 @@ void lay_out_rounds(Program& program) {
   require_room(program, entries, the_response_matrix);
   lay_out_matrix(program, together);
   t.rows.known_suffice = t.rows.known_suffice && slots.empty();  // slots need the softness of their rows
-  lay_out_slots(program, std::move(slots));
+  lay_out_slots(program, slots);
 
   // Bounds and limited servos of one velocity, which rounds hold there.
   Rounds& rounds = t.rounds;
