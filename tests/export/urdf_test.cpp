@@ -130,6 +130,20 @@ TEST(UrdfExport, leaves_out_tendons_by_name) {
   EXPECT_EQ(again.couplings.size(), couplings);
 }
 
+TEST(UrdfExport, refuses_what_moves_by_its_armature_alone) {
+  Model model = fingers();
+  ASSERT_NO_THROW(export_urdf(model));
+  model.links[2].inertia = {};
+  model.joints[1].armature = 0.01;
+  ASSERT_NO_THROW(model.validate());
+  try {
+    export_urdf(model);
+    FAIL() << "nobody can read what it writes";
+  } catch (const ModelError& error) {
+    EXPECT_EQ(error.element(), "link '" + model.links[2].name + "'");
+  }
+}
+
 TEST(UrdfExport, writes_loops_as_loop_joints) {
   for (const bool floats : {false, true}) {
     Model model = fingers();

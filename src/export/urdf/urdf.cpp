@@ -7,6 +7,7 @@
 #include "export/xml.h"
 #include "losses.h"
 #include "mimics.h"
+#include "model/moved_inertia.h"
 #include "model/tendons.h"
 #include "model/trees.h"
 #include "rpy.h"
@@ -19,10 +20,24 @@ using Eigen::Vector3d;
 
 constexpr double no_bound = 1e10;  // as URDF wants numbers
 
+// Readers find no armatures, and start at 0: there, too, something must have inertia.
+void require_inertia(Model model, const Trees& trees, const Mimics& mimics) {
+  for (Joint& joint : model.joints) {
+    joint.armature = 0.0;
+    if (joint.moves()) joint.position = start_of(joint.name, mimics);
+  }
+  const std::vector<UnmovedLink> unmoved = unmoved_links(model, trees, rigid_bodies(model, trees));
+  if (unmoved.empty()) return;
+  throw ModelError("link '" + model.links[static_cast<std::size_t>(unmoved.front().link)].name + "'",
+                   "has no inertia to move without its joint's armature or in another start, which URDF does not have",
+                   "write MJCF, or give the link an inertia");
+}
+
 class Writer {
  public:
   Writer(const Model& model, Report& report)
       : model_(model), report_(report), trees_(model), mimics_(mimics_of(model, report)) {
+    require_inertia(model, trees_, mimics_);
     for (const Link& link : model.links) links_.take(link.name);
     for (const Joint& joint : model.joints) joints_.take(joint.name);
   }
