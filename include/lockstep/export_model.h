@@ -32,7 +32,7 @@ struct MjcfOptions {
 LOCKSTEP_API Export export_mjcf(const Model& model, const MjcfOptions& options = {});
 
 /// Writes URDF, which has no drives, no gravity, no start, and couplings of two joints alone: the report names what is
-/// missing. Throws ModelError where the Model is not valid, or moves something by an armature alone.
+/// missing. Throws ModelError where the Model is not valid, or moves something by its armature or start alone.
 LOCKSTEP_API Export export_urdf(const Model& model);
 
 /// The same into a file, which is replaced. They throw UsageError, too, where the file cannot be written.

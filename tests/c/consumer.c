@@ -46,6 +46,16 @@ static lockstep_records records_of(float* data, long rollouts, long steps, long 
   return records;
 }
 
+static lockstep_query query_of(int32_t quantity, int32_t row) {
+  lockstep_query query;
+  memset(&query, 0, sizeof query);
+  query.size = sizeof query;
+  query.quantity = quantity;
+  query.row = row;
+  query.scale = 1.0;
+  return query;
+}
+
 /* Actions of any kind, for one environment of two. */
 static void act(lockstep_batch* batch, int32_t knuckle) {
   lockstep_action_map map;
@@ -137,11 +147,7 @@ static void roll_out(const lockstep_plan* plan, int32_t knuckle) {
   for (i = 0; i < 12; ++i) inputs[i] = 0.1f * (float)(i % 7) - 0.2f;
   controls = records_of(inputs, 3, 4, 1);
   out = records_of(results, 3, 4, 1);
-  memset(&query, 0, sizeof query);
-  query.size = sizeof query;
-  query.quantity = LOCKSTEP_READ_POSITION;
-  query.row = knuckle;
-  query.scale = 1.0;
+  query = query_of(LOCKSTEP_READ_POSITION, knuckle);
   lockstep_rollout_options_init(&rollout);
   rollout.substeps = 3;
   faults[2] = 9;
@@ -202,11 +208,7 @@ static void read_matrices(const lockstep_plan* plan, lockstep_batch* batch) {
   expect(lockstep_jacobian(batch, LOCKSTEP_LINKS, links, mask, 64, &out) == LOCKSTEP_USAGE_ERROR,
          "links must be known");
   expect(lockstep_jacobian(batch, LOCKSTEP_ROOTS, 0, mask, 64, &out) == LOCKSTEP_USAGE_ERROR, "roots have none");
-  memset(&query, 0, sizeof query);
-  query.size = sizeof query;
-  query.quantity = LOCKSTEP_READ_LINK_VELOCITY;
-  query.row = (int32_t)links - 1;
-  query.scale = 1.0;
+  query = query_of(LOCKSTEP_READ_LINK_VELOCITY, (int32_t)links - 1);
   read = rows_of(twist, 6, 64);
   lockstep_read(batch, &query, 1, &read);
   query.quantity = LOCKSTEP_READ_KINETIC_ENERGY;
@@ -255,11 +257,7 @@ static void touch(void) {
     expect(lockstep_field(batch, LOCKSTEP_ROOT_POSES, &poses) == LOCKSTEP_OK, "it floats");
     if (colliders) {
       expect(fabs((double)*at(&poses, 2, 0) - 0.1) < 1e-3, "a box with colliders lies on the ground");
-      memset(&query, 0, sizeof query);
-      query.size = sizeof query;
-      query.quantity = LOCKSTEP_READ_LINK_CONTACT_FORCE;
-      query.row = 0;
-      query.scale = 1.0;
+      query = query_of(LOCKSTEP_READ_LINK_CONTACT_FORCE, 0);
       read = rows_of(forces, 3, 1);
       expect(lockstep_read(batch, &query, 1, &read) == LOCKSTEP_OK && fabs((double)forces[2] - 2.0 * 9.81) < 0.05,
              "which carries its weight");
@@ -388,11 +386,7 @@ int main(int count, char** arguments) {
   errors.shape[1] = 64;
   errors.stride[0] = (int64_t)sizeof(float);
   errors.stride[1] = 5 * (int64_t)sizeof(float);
-  memset(&query, 0, sizeof query);
-  query.size = sizeof query;
-  query.quantity = LOCKSTEP_READ_COUPLING_ERROR;
-  query.row = -1;
-  query.scale = 1.0;
+  query = query_of(LOCKSTEP_READ_COUPLING_ERROR, -1);
   expect(lockstep_read(batch, &query, 1, &errors) == LOCKSTEP_OK, "errors must be read");
   for (i = 0; i < 64 * 5; ++i) worst = fabs((double)numbers[i]) > worst ? (float)fabs((double)numbers[i]) : worst;
   expect(worst < 1e-6f, "couplings must hold");
